@@ -206,6 +206,7 @@ from diffthrust.diagnosis._search_state import (  # private: trials without a di
 )
 from diffthrust.diagnosis._settings import SETTINGS  # private: what is held here
 from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnosis around them
+    SimulationTrials,
     change_between,
     fitted_beside,
     fitted_to_runs,

@@ -34,7 +34,7 @@ from diffthrust.diagnosis._screening import levels_of
 from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import Runs, share_between
+from diffthrust.diagnosis._simulation_fit import Runs, SimulationTrials, share_between
 
 _PROBES = 4
 """Numerics: trial values of an effect that has no size as a single, of which starts are made."""
@@ -56,9 +56,7 @@ class Proven(NamedTuple):
 def with_proven(
     context: SearchContext,
     state: SearchState,
-    runs: Runs,
-    base: TrialFit,
-    singles: Mapping[str, TrialFit],
+    trials: SimulationTrials,
     lowering: Sequence[str],
     ahead: Callable[[SearchState], SearchState] | None = None,
 ) -> SearchState:
@@ -70,11 +68,9 @@ def with_proven(
         context: what the search works with.
         state: the search, at a stage with poor whole runs to which no single was added that lowers
             the one-step errors, too.
-        runs: the fits to whole runs.
-        base: the last stage, fitted to them.
-        singles: the same with one effect more each, or with one that is detectable.
-        lowering: those of them that are new and lower the errors of whole unseen runs enough, the
-            best first.
+        trials: the fits to whole runs beside that stage.
+        lowering: the effects of their singles that are new and lower the errors of whole unseen
+            runs enough, the best first.
         ahead: the next step of the search, if a pair may be proven by what comes beside it.
     """
     # nothing could prove them, or they would stand in for the mistake: of a Kingfisher with its
@@ -83,13 +79,14 @@ def with_proven(
         return state
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
-        new = {name: trial for name, trial in singles.items() if name not in state.detectable}
-        fitted = _fitted_pairs(context, state, runs, base, new)
+        singles, detectable = trials.singles, state.detectable
+        new = {name: trial for name, trial in singles.items() if name not in detectable}
+        fitted = _fitted_pairs(context, state, trials, new)
         fitted = fitted[: SETTINGS.pairs.most_fitted]
         ended = []
         for trial in fitted:
             ended.append(_refitted(context, state, trial))
-            if proven := _proven_pair(context, state, runs, base, trial, ended[-1], new):
+            if proven := _proven_pair(context, state, trials, trial, ended[-1], new):
                 return _added(context, state, proven)
         if ahead and fitted:
             further = _proven_ahead(context, state, fitted[0], ended[0], ahead)
@@ -126,21 +123,17 @@ def _borne_out(
 def _fitted_pairs(
     context: SearchContext,
     state: SearchState,
-    runs: Runs,
-    base: TrialFit,
+    trials: SimulationTrials,
     singles: Mapping[str, TrialFit],
 ) -> list[TrialFit]:
     """The last stage with each pair that may lower its errors; the best first."""
-    fitter = context.fitter
+    fitter, runs, base = context.fitter, trials.runs, trials.base
     ranked = sorted(singles, key=lambda name: singles[name].expected)
     untested = [n for n in state.untestable if n in fitter.candidates and n not in base.effects]
     names = list(dict.fromkeys((*ranked[:1], *untested, *ranked)))[: SETTINGS.pairs.most_effects]
     pairs = [
         pair for pair in combinations(names, 2) if ranked[:1] == [pair[0]] or {*pair} <= {*untested}
     ]
-    if not pairs:
-        return []
-    runs.fitter.ready(base.effects, names)  # one program for all of them
     levels = levels_of(fitter, base)
     points = {name: probes(fitter.candidates[name], levels)[1][:_PROBES] for name in names}
 
@@ -148,10 +141,11 @@ def _fitted_pairs(
         starts = _starts(base, pair, singles, points)
         return runs.fitted((*base.effects, *pair), starts, base.clip)
 
-    trials = side_by_side(fitted, pairs)
-    promising = [
-        t for t in trials if _promised(fitter, base, t) > SETTINGS.whole_runs.proving_share
-    ]
+    if new := [pair for pair in pairs if pair not in trials.pairs]:
+        runs.fitter.ready(base.effects, names)  # one program for all of them
+        trials.pairs.update(zip(new, side_by_side(fitted, new), strict=True))
+    least = SETTINGS.whole_runs.proving_share
+    promising = [t for p in pairs if _promised(fitter, base, t := trials.pairs[p]) > least]
     return sorted(promising, key=lambda trial: trial.expected)
 
 
@@ -192,14 +186,13 @@ def _starts(
 def _proven_pair(
     context: SearchContext,
     state: SearchState,
-    runs: Runs,
-    base: TrialFit,
+    trials: SimulationTrials,
     trial: TrialFit,
     stage: FittedStage,
     singles: Mapping[str, TrialFit],
 ) -> Proven | None:
     """A pair that whole unseen runs prove, each beside the other too, or one of it alone."""
-    last = state.stages[-1]
+    last, runs = state.stages[-1], trials.runs
     if not _is_proven(last, stage):
         return None
     first, second = trial.effects[-2:]
@@ -208,7 +201,7 @@ def _proven_pair(
         starts = [context.fitter.absent(absent, trial.values)]
         starts += [singles[kept].values] if kept in singles else []
         single = runs.fitted((*last.effects, kept), starts, trial.clip)
-        if _is_hopeless(runs, base, single, trial):
+        if _is_hopeless(runs, trials.base, single, trial):
             continue
         alone.append(_refitted(context, state, single))
         if ended_worse(stage, alone[-1]):  # which is nested in it

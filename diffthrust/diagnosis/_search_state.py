@@ -19,6 +19,7 @@ from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._missing import Remaining
 from diffthrust.diagnosis._residual_structure import remaining_structure
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._simulation_fit import SimulationTrials
 from diffthrust.estimation._arguments import FitOptions
 from diffthrust.estimation._fit import FitRuns, fit_records
 from diffthrust.estimation._horizons import schedule, to_whole_runs
@@ -267,6 +268,7 @@ class SearchState:
             runs, and are kept so that their evidence is not attributed to other effects.
         possible: effects that only whole runs support, with their explained share.
         beside: what each effect does to whole runs beside all others, once the search has ended.
+        trials: fits to whole runs beside the last stage, if there are any.
         visited: what was accepted after each step before.
         exhausted: the last step added nothing new, which ends the search.
     """
@@ -283,6 +285,7 @@ class SearchState:
     detectable: tuple[str, ...] = ()
     possible: Mapping[str, Worth] = field(default_factory=dict)
     beside: Mapping[str, Worth] = field(default_factory=dict)
+    trials: SimulationTrials | None = None
     visited: Collection[Accepted] = frozenset()
     exhausted: bool = False
 

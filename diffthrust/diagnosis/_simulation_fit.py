@@ -49,10 +49,12 @@ class Runs:
         given: the model that is diagnosed.
 
     Attributes:
+        origin: the fits of the diagnosis.
         fitter: of the longest horizon.
     """
 
     def __init__(self, fitter: CandidateFitter, given: Model) -> None:
+        self.origin = fitter
         horizons = schedule(given, fitter.records, "auto")
         self.fitter = simulation_fitter(fitter, within=horizons[-1])
         self._nearby, self._distant = map(self.fitter.programs.gains, (horizons[0], horizons[-1]))
@@ -80,6 +82,30 @@ class Runs:
         order = np.argsort(np.where(np.isfinite(costs), costs, np.inf))[:_FOLLOWED]
         ends = [self.far(self.near(effects, starts[k], clip, _FEW)) for k in order]
         return min(ends, key=lambda end: end.expected)
+
+
+class SimulationTrials(NamedTuple):
+    """The fits to whole runs beside a stage, which are made once as long as it is the last.
+
+    Args:
+        stage: the stage.
+        runs: makes them.
+        base: the model of the stage.
+        singles: the same with one effect more each.
+        lowering: those of them that surely lower the errors, with what they remove; best first.
+        pairs: the same with two effects more each, of those pairs that were tried so far.
+    """
+
+    stage: Stage
+    runs: Runs
+    base: TrialFit
+    singles: Mapping[str, TrialFit]
+    lowering: Mapping[str, Worth]
+    pairs: dict[tuple[str, str], TrialFit]
+
+    def are_of(self, stage: Stage, fitter: CandidateFitter) -> bool:
+        """Whether they are those beside a stage, with these programs."""
+        return self.stage is stage and self.runs.origin is fitter
 
 
 def fitted_to_runs(

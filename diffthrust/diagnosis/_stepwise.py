@@ -25,7 +25,13 @@ from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
 from diffthrust.diagnosis._screening import levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import Runs, share_between, unclipped, values_of
+from diffthrust.diagnosis._simulation_fit import (
+    Runs,
+    SimulationTrials,
+    share_between,
+    unclipped,
+    values_of,
+)
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.estimation._horizons import schedule
 from diffthrust.simulation._starts import felt, told_by
@@ -179,20 +185,22 @@ def from_simulation(
     if not simulation_is_poor(context, state, state.stages[-1]):
         return replace(state, possible={})
     context.say("fitting the effects to whole runs", state.share(0.5))
-    with context.clock("whole runs"):
-        runs = Runs(context.fitter, context.given)
-        base, singles = _singles(context, state, runs)
-        lowering = _lowering(runs, base, singles)
-    state = replace(state, possible={name: worth for name, (worth, _) in lowering.items()})
+    trials = state.trials
+    if trials is None or not trials.are_of(state.stages[-1], context.fitter):
+        with context.clock("whole runs"):
+            trials = _trials(context, state)
+    lowering = trials.lowering
+    state = replace(state, trials=trials, possible=lowering)
     least = SETTINGS.whole_runs.proving_share
-    proving = [name for name, (worth, _) in lowering.items() if worth.low > least]
+    proving = [name for name, worth in lowering.items() if worth.low > least]
     new = [name for name in proving if name not in state.detectable]
     ahead = partial(from_simulation, context, look_ahead=False) if look_ahead else None
-    proven_state = partial(with_proven, context, state, runs, base, singles, new, ahead)
+    proven_state = partial(with_proven, context, state, trials, new, ahead)
     led = proven_state() if runs_lead(context) else None
     if led and led.accepted != state.accepted:
         return led
-    for name, (_, simulated) in lowering.items():
+    for name in lowering:
+        simulated = trials.singles[name]
         proven = bool(context.unseen) and name in proving
         again = name in state.detectable
         if not again and (outcome := _admitted(context, state, name, simulated, proven)):
@@ -238,15 +246,14 @@ def _without_detectable(context: SearchContext, state: SearchState) -> SearchSta
     return replace(state, current=CurrentModel(fitter, settled), detectable=())
 
 
-def _singles(
-    context: SearchContext, state: SearchState, runs: Runs
-) -> tuple[TrialFit, dict[str, TrialFit]]:
+def _trials(context: SearchContext, state: SearchState) -> SimulationTrials:
     """The last stage, and the same with each promising effect alone, fitted to whole runs.
 
     Also those that were detectable before: on the maps of a T200 a weaker thrust astern changed
     nothing until the sag of the supply was there, and then a third of the thrust's error.
     """
     fitter, last = context.fitter, state.stages[-1]
+    runs = Runs(fitter, context.given)
     near = runs.near(last.effects, values_of(fitter, last), unclipped(fitter))
     names = [n for n in fitter.candidates if n not in last.effects]
     started = screened(runs.fitter, names, near, levels_of(fitter, near))
@@ -254,17 +261,16 @@ def _singles(
     most = SETTINGS.whole_runs.most_user_effects
     started |= {name: _multistart_fit(context, state, runs, near, name) for name in users[:most]}
     base, *ended = side_by_side(runs.far, [near, *started.values()])
-    return base, dict(zip(started, ended, strict=True))
+    singles = dict(zip(started, ended, strict=True))
+    return SimulationTrials(last, runs, base, singles, _lowering(runs, base, singles), {})
 
 
-def _lowering(
-    runs: Runs, base: TrialFit, singles: Mapping[str, TrialFit]
-) -> dict[str, tuple[Worth, TrialFit]]:
-    """The effects that surely lower the errors of whole runs, best first."""
+def _lowering(runs: Runs, base: TrialFit, singles: Mapping[str, TrialFit]) -> dict[str, Worth]:
+    """What effects remove that surely lower the errors of whole runs, best first."""
     worths = {name: share_between(runs.fitter, base, trial) for name, trial in singles.items()}
     best = sorted((n for n in singles if worths[n].sure), key=lambda n: -worths[n].share)
     most = SETTINGS.whole_runs.most_possible
-    return {name: (worths[name], singles[name]) for name in best[:most]}
+    return {name: worths[name] for name in best[:most]}
 
 
 def _multistart_fit(

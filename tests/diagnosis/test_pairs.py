@@ -13,6 +13,7 @@ from steps import (
     FittedStage,
     Programs,
     SearchState,
+    SimulationTrials,
     admission_module,
     bind,
     pairs_module,
@@ -123,7 +124,8 @@ def searched(monkeypatch):
         )
         singles = {name: Trial((name,)) for name in lowering}
         context = Context(unseen, doubted)
-        asked = context, given, Runs(), Trial(()), singles, lowering, ahead
+        trials = SimulationTrials(given.stages[-1], Runs(), Trial(()), singles, {}, {})
+        asked = context, given, trials, lowering, ahead
         state = pairs_module.with_proven(*asked)
         if not ahead:
             assert context.ended == [s.fit.train.nrmse for s in state.stages[1:]]  # no other

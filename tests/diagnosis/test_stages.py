@@ -240,22 +240,31 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
         return SimpleNamespace(effects=effects, values=values, initial_states=states, clip=clip)
 
     fitter = SimpleNamespace(settled=settled, absent=lambda name, values: {**values, name: 0.0})
-    context = SimpleNamespace(fitter=fitter, given=None, unseen=unseen, say=lambda *_: None,
-                              clock=lambda _: nullcontext())  # fmt: skip
+    words = {"given": None, "unseen": unseen, "say": lambda *_: None}
+    words["clock"] = lambda _: nullcontext()
+    context = SimpleNamespace(fitter=fitter, **words)
     monkeypatch.setattr(f"{STEPWISE}._admitted", admitted)
     monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda *_: False)
     monkeypatch.setattr(f"{STEPWISE}.simulation_is_poor", lambda *_: True)
-    monkeypatch.setattr(f"{STEPWISE}.Runs", lambda *_: None)
-    monkeypatch.setattr(f"{STEPWISE}._singles", lambda *_: (None, {}))
-    worth = Worth(0.5, low, 0.8)
-    monkeypatch.setattr(f"{STEPWISE}._lowering", lambda *_: {name: (worth, None)})
+    trials = SimpleNamespace(singles={name: None}, lowering={name: Worth(0.5, low, 0.8)})
+    made = []
+    monkeypatch.setattr(f"{STEPWISE}._trials", lambda *_: made.append(1) or trials)
     monkeypatch.setattr(f"{STEPWISE}.with_proven", lambda context, state, *_: state)
     trial = settled(("exponent", "lag"), {"lag": 0.1}, None, None)
-    state = SearchState(CurrentModel(fitter, trial), (object(),), {}, detectable=("lag",))
-    assert from_simulation(context, state).detectable == ("lag",)  # where nothing is added
+    last = object()
+    state = SearchState(CurrentModel(fitter, trial), (last,), {}, detectable=("lag",))
+    ended = from_simulation(context, state)
+    assert ended.detectable == ("lag",)  # where nothing is added
     beside, alone = (("lag",), ("exponent", "lag")), ((), ("exponent",))
     proven = [beside, alone] if unseen and low > 0.1 else [beside]
     assert tried == ([alone] if name == "lag" else proven)
+    trials.are_of = lambda stage, programs: stage is last and programs is fitter
+    assert from_simulation(context, ended).trials is trials
+    assert len(made) == 1  # beside the same stage, with the same programs
+    other = SimpleNamespace(settled=settled, absent=fitter.absent)
+    from_simulation(SimpleNamespace(fitter=other, **words), ended)
+    from_simulation(context, replace(ended, stages=(last, object())))
+    assert len(made) == 3
 
 
 ROV = dft.Craft(dft.bodies.SixDegrees(), ahead=dft.actuators.StaticThruster().at((0.0, 0.0, 0.0)))
