@@ -337,8 +337,9 @@ def _refitted(
         start |= _at_null(candidates[name])
     free = {n for n, p in model.parameters.items() if not p.fixed}
     guess = {n: v for n, v in start.items() if n in free}
-    refit = partial(context.refit, like=last.fit, substeps=substeps)
-    if not substeps:
+    if substeps:
+        refit = partial(context.refit, like=last.fit, substeps=substeps)
+    else:
         # the search goes by the steps that suffice for the last stage: those of the model as given
         # were 2 a sample for an NGS thruster, whose duct's water, once added, needs 16
         few = few_substeps(last.fit, context.records)

@@ -63,9 +63,8 @@ def _falls_short(
     """Whether the model as given, without these bounds, errs more than with all that was found."""
     freed = _without(context, first, names)
     errors, present = (stage.holdout or stage.train for stage in (freed, last))
-    return (
-        freed.fit.status.ok and errors.nrmse > SETTINGS.whole_runs.equivalent_error * present.nrmse
-    )
+    most = SETTINGS.whole_runs.equivalent_error * present.nrmse
+    return freed.fit.status.ok and errors.nrmse > most
 
 
 def _without(context: SearchContext, stage: FittedStage, names: Sequence[str]) -> FittedStage:

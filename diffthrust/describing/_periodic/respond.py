@@ -158,11 +158,8 @@ def respond(
             h = orbits.harmonics
             n, k = at.samples, int(responses.stage[who[0]])
             first = first_harmonic(h, lanes.amplitude[who])
-            responses.first[who], responses.mean[who], responses.distortion[who] = (
-                first,
-                h.mean,
-                h.distortion,
-            )
+            responses.first[who], responses.mean[who] = first, h.mean
+            responses.distortion[who] = h.distortion
             bad = orbits.reason != Reason.SETTLED
             # a failed search has left its point anywhere: the finer steps begin at the origin again
             responses.x[who] = np.where(_like(bad, responses.x), np.asarray(origin)[who], orbits.x)
