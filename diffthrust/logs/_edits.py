@@ -36,6 +36,7 @@ class LogEdits(ABC):
     static: bool
     name: str
     notes: tuple[str, ...]
+    left_out: tuple[tuple[float, float], ...]
 
     @abstractmethod
     def replaced(self, **fields: Any) -> Self: ...
@@ -123,7 +124,12 @@ class LogEdits(ABC):
                 )
         why = f": {note}" if note else ""
         about = f"{start:g} to {stop:g} s are left out{why}".rstrip(".") + "."
-        return self.replaced(measured=emptied, notes=(*self.notes, about))
+        first, last = map(float, self.time[inside][[0, -1]])
+        return self.replaced(
+            measured=emptied,
+            notes=(*self.notes, about),
+            left_out=(*self.left_out, (first, last)),
+        )
 
     def shifted(self, seconds: float, *channels: str) -> Self:
         """Move channels in time, of a recorder whose clocks disagree.

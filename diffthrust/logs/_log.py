@@ -63,6 +63,7 @@ class Log(LogEdits):
             tables and figures use these units.
         notes: one sentence for whatever was dropped, trimmed, missing or interpolated.
         file: the file it was read from, with its hash; ``None`` for a log made from arrays.
+        left_out: first and last time stamp [s] of each stretch that `leave_out` left out.
 
     Raises:
         InputError: lengths differ, time does not increase, an input is missing a sample, a number
@@ -81,6 +82,7 @@ class Log(LogEdits):
     """
 
     file: LogFile | None = field(default=None, init=False)
+    left_out: tuple[tuple[float, float], ...] = field(default=(), init=False)
 
     def __init__(
         self,

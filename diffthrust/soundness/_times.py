@@ -36,8 +36,11 @@ def misclocked(log: Log, model: Model | None) -> Iterator[Doubt]:
         )
         mend = "cut the log there (log.slice, or start and stop under [logs]) and give both parts."
         yield Doubt("time", "gap", evidence, mend)
+    left_out = np.zeros(len(log), bool)
+    for first, last in log.left_out:
+        left_out |= (log.time >= first) & (log.time <= last)
     for channel, values in log.measured.items():
-        begins, ends = stretches(~np.isfinite(values)).T
+        begins, ends = stretches(~np.isfinite(values) & ~left_out).T
         lengths = ends - begins
         inside = lengths[(begins > 0) & (ends < values.size)]
         usual = float(np.median(lengths)) if lengths.size > 4 else 1.0

@@ -287,6 +287,20 @@ def test_gaps_are_named(log):
     assert kinds(changed(log, thrust=missing)) == {("thrust", "gap")}
 
 
+def test_what_was_left_out_is_no_gap(log):
+    """One left a second of a receiver that stood still out, and was told to cut the log there."""
+    without = log.leave_out(4.0, 9.0, "weed in the propeller")
+    assert kinds(without) == set() < kinds(without.replaced(left_out=()))
+    for edited in (without.slice(2.0, None), without.averaged(2), without.resampled(10.0)):
+        assert kinds(edited) == set()
+
+    def missing(v):
+        v[300:400] = np.nan
+        return v
+
+    assert kinds(changed(without, thrust=missing)) == {("thrust", "gap")}
+
+
 def test_a_log_unlike_its_companions_is_named():
     logs = [made_log(seed=k, count=600, name=f"run{k}") for k in range(4)]
     assert dft.soundness.doubts(logs, MODEL) == ()
