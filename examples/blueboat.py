@@ -8,11 +8,9 @@ The files are read as they are: the forces come from a static map of the thruste
 of one run end before its clock does. The basic model fails here, and
 the comparison shows it: out come the errors by channel, how far the modelled motion follows the
 measured one, that one channel does not mean what its header says, and a figure of the unseen runs.
-With ``--diagnose`` the search for what is missing follows, on means over half a second; it takes
-some fifteen minutes of processor time. It says of the channel what the comparison says, adds
-exchanged thrusters, a quadratic drag and a coupling of sway and yaw (unseen NRMSE 1.4 to 0.64), and
-names what remains: the surge, which follows one thruster's force otherwise than its static map has
-it.
+With ``--diagnose`` a diagnosis follows, on means over half a second, in about a minute. It searches
+for no effect: the logs are to be mended first, by the sign of the yaw rate or by an exchange of the
+two forces, either of which explains how it turns.
 Data: J. Kristiansen, BlueBoatSystemIdentification.
 
     python examples/blueboat.py [FOLDER FOR THE FIGURE] [--diagnose]

@@ -37,8 +37,9 @@ def look_command(
     all: Annotated[bool, Option("--all", help="Show every field of a robot's log.")] = False,
 ) -> None:
     """Survey a log, and draft a spec file for a first fit; or show a craft."""
-    if craft is not None and not files:
-        _show_craft(craft, figure)
+    if craft is not None:
+        beside = {"FILE": files, "--spec": spec, "--json": json, "--all": all}
+        _show_craft(craft, figure, [word for word, value in beside.items() if value])
         return
     with ui.session():
         if not files:
@@ -63,9 +64,14 @@ def look_command(
         typer.echo(f"Next: diffthrust look {names} --spec fit.toml drafts a spec file")
 
 
-def _show_craft(path: Path, figure: Path | None) -> None:
-    """The thrusters of a craft, and a drawing of it."""
+def _show_craft(path: Path, figure: Path | None, beside: list[str]) -> None:
+    """The thrusters of a craft, and a drawing of it; nothing else is done ``beside``."""
     with ui.session():
+        if beside:
+            raise InputError(
+                f"expected --craft alone or with --figure, found {', '.join(beside)} as well.",
+                "Look at the craft and at the logs in two commands.",
+            )
         if path.suffix.lower() == ".toml":
             from diffthrust.specs._thrusters import described_craft
 
@@ -98,7 +104,15 @@ def explore_command(
         bool, Option("--no-browser", help="Print the address, and open no browser.")
     ] = False,
     port: Annotated[int, Option(min=0, max=65535, help="Listen there; 0 for any free one.")] = 0,
-    trust: ui.TrustOption = None,
+    trust: Annotated[
+        list[Path] | None,
+        Option(
+            "--trust",
+            metavar="DIR",
+            help="A folder whose scripts the spec may run; not even those of its own are run "
+            "otherwise.",
+        ),
+    ] = None,
 ) -> None:
     """Look at logs, drag, add what is missing, and watch the error fall: a page in the browser."""
     with ui.session() as progress:

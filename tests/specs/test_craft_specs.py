@@ -125,3 +125,5 @@ def test_look_draws_a_craft(folder):
     assert "like port" in shown.stdout
     (folder / "none.toml").write_text('model = "thruster"')
     assert "expected a table [thrusters]" in run("look", "--craft", "none.toml", status=2).output
+    told = run("look", "run.csv", "--craft", "fit.toml", "--spec", "new.toml", status=2).output
+    assert "found FILE, --spec as well" in told
