@@ -16,8 +16,8 @@ from diffthrust.diagnosis import _rival_models as rival_models_module
 from diffthrust.diagnosis import _screening as screening_module
 from diffthrust.diagnosis import _search_start as search_start_module
 from diffthrust.diagnosis import _search_state as search_state_module
+from diffthrust.diagnosis import _stage_fit as stage_fit_module
 from diffthrust.diagnosis import _trial_programs as trial_programs_module
-from diffthrust.diagnosis._admission import worths_between  # private: of two stages
 from diffthrust.diagnosis._bounds import (  # private: of one stage
     idle_bounds,
     is_whole,
@@ -217,6 +217,7 @@ from diffthrust.diagnosis._spectral_line import (  # private: spectra without a 
     height_over_turns,
     strongest_line,
 )
+from diffthrust.diagnosis._stage_fit import worths_between  # private: of two stages
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
     done,

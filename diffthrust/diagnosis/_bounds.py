@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from diffthrust.diagnosis._admission import worths_between
 from diffthrust.diagnosis._explained_share import matters, surely_less
 from diffthrust.diagnosis._search_state import SOUGHT, FittedStage, SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._stage_fit import worths_between
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._result import Fit
 

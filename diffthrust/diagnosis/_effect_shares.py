@@ -19,13 +19,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from diffthrust.diagnosis._admission import (
-    ended_worse,
-    errors_between,
-    record_stage,
-    refitted_stage,
-    worths_between,
-)
+from diffthrust.diagnosis._admission import record_stage
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import missed, no_better
 from diffthrust.diagnosis._explained_share import (
@@ -37,6 +31,12 @@ from diffthrust.diagnosis._explained_share import (
     sure_share,
 )
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
+from diffthrust.diagnosis._stage_fit import (
+    ended_worse,
+    errors_between,
+    refitted_stage,
+    worths_between,
+)
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
 

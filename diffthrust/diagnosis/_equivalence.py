@@ -15,7 +15,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admission import ended, worths_between
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import no_better, price_of, unseen_gain
 from diffthrust.diagnosis._explained_share import Worth, adds_little, matters
@@ -36,6 +35,7 @@ from diffthrust.diagnosis._simulation_fit import (
     fitted_to_runs,
     simulation_fitter,
 )
+from diffthrust.diagnosis._stage_fit import ended, worths_between
 from diffthrust.diagnosis._stepwise import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment

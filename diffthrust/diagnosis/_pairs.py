@@ -18,23 +18,22 @@ from dataclasses import replace
 from itertools import combinations, product
 from typing import NamedTuple
 
-from diffthrust.diagnosis._admission import (
-    ended,
-    ended_worse,
-    errors_between,
-    refitted_stage,
-    worths_between,
-)
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth, adds_little, explained_share
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._predicted_gain import Point
 from diffthrust.diagnosis._probes import probes
 from diffthrust.diagnosis._screening import levels_of
-from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import Runs, SimulationTrials, share_between
+from diffthrust.diagnosis._stage_fit import (
+    compared_stage,
+    ended,
+    ended_worse,
+    errors_between,
+    worths_between,
+)
 
 _PROBES = 4
 """Numerics: trial values of an effect that has no size as a single, of which starts are made."""
@@ -305,11 +304,7 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
     """
     current = CurrentModel(context.fitter, trial)
     tried = replace(state, current=current)
-    few = few_substeps(state.stages[-1].fit, context.records)
-    stage = refitted_stage(context, tried, starts=1, substeps=few)
-    if math.isfinite(stage.train.nrmse):
-        return stage
-    return refitted_stage(context, tried, starts=1)  # what is stiff overflows with few
+    return compared_stage(context, tried, starts=1)
 
 
 # -- adding it -------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admission import errors_between
 from diffthrust.diagnosis._candidates import candidates_of
 from diffthrust.diagnosis._channel_use import models_fed_by
 from diffthrust.diagnosis._explained_share import explained_share
@@ -27,6 +26,7 @@ from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._search_start import start_search
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._stage_fit import errors_between
 from diffthrust.diagnosis._stepwise import done, simulation_is_poor, step
 from diffthrust.estimation._result import Fit
 from diffthrust.estimation._status import Status

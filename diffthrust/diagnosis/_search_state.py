@@ -222,13 +222,13 @@ class FittedStage(Stage):
         unseen_runs: over the unseen ones.
 
     Attributes:
-        rivals: fits with other effects that were only compared with it, by these and by their
-            integrator steps: none is made twice.
+        rivals: fits with other effects that were only compared with it, by these, by their starts
+            and by their integrator steps: none is made twice.
     """
 
     runs: tuple[Run, ...]
     unseen_runs: tuple[Run, ...]
-    rivals: dict[tuple[tuple[str, ...], int], FittedStage] = field(
+    rivals: dict[tuple[tuple[str, ...], int, int], FittedStage] = field(
         default_factory=dict, init=False, repr=False
     )
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from steps import CandidateFitter, Programs, admission_module, bind
+from steps import CandidateFitter, Programs, bind, stage_fit_module
 
 import diffthrust as dft
 from diffthrust.estimation._one_step import cost  # private: without a search
@@ -98,7 +98,7 @@ def test_a_current_that_is_nearly_the_same_in_all_logs_is_one_again(
     initial = [{"water_current.to_north": v, "water_current.to_east": 0.0} for v in (0.18, north)]
     train = SimpleNamespace(nrmse=0.1)
     fit = SimpleNamespace(model=model, initial=initial, parameters=model.parameters, train=train)
-    apart = admission_module.FittedStage(("water_current",), fit, (), ())
+    apart = stage_fit_module.FittedStage(("water_current",), fit, (), ())
     asked = []
 
     def refit(model, starts, like, substeps):
@@ -108,11 +108,11 @@ def test_a_current_that_is_nearly_the_same_in_all_logs_is_one_again(
     for name, answer in (
         ("_refitted", apart), ("no_better", None), ("matters", matters), ("worths_between", ())
     ):  # fmt: skip
-        monkeypatch.setattr(admission_module, name, lambda *_, answer=answer: answer)
-    monkeypatch.setattr(admission_module, "_of_stage", lambda _: apart.effects)
+        monkeypatch.setattr(stage_fit_module, name, lambda *_, answer=answer: answer)
+    monkeypatch.setattr(stage_fit_module, "stage_effects", lambda _: apart.effects)
     context = SimpleNamespace(
         given=dft.Vessel(), refit=refit, fitter=SimpleNamespace(candidates={current.name: current})
     )
-    stage = admission_module.refitted_stage(context, SimpleNamespace(stages=(apart,)))
+    stage = stage_fit_module.refitted_stage(context, SimpleNamespace(stages=(apart,)))
     assert [effect.differs for effect in stage.fit.model.effects] == [left]
     assert asked == [[False]] * fitted

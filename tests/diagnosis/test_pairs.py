@@ -14,10 +14,10 @@ from steps import (
     Programs,
     SearchState,
     SimulationTrials,
-    admission_module,
     bind,
     pairs_module,
     shares_by_effect,
+    stage_fit_module,
 )
 
 import diffthrust as dft
@@ -96,7 +96,7 @@ def searched(monkeypatch):
     def after(sizes, unseen=("C",), lowering=(), possible=(), astray=(), ahead=None, doubted=False):
         fitted = []
 
-        def refitted(context, state, starts, substeps=0):
+        def refitted(context, state, starts):
             effects = state.current.trial.effects
             fitted.append(effects)
             size = sizes.get(effects, 1.0)
@@ -110,10 +110,9 @@ def searched(monkeypatch):
             return after.fit.train.nrmse > before.fit.train.nrmse
 
         pairs = [Trial(names) for names in sizes if len(names) == 2]
-        monkeypatch.setattr(pairs_module, "refitted_stage", refitted)
-        for module in (pairs_module, admission_module):
+        monkeypatch.setattr(pairs_module, "compared_stage", refitted)
+        for module in (pairs_module, stage_fit_module):
             monkeypatch.setattr(module, "ended_worse", ended_worse)
-        monkeypatch.setattr(pairs_module, "few_substeps", lambda fit, records: 2)
         monkeypatch.setattr(pairs_module, "share_between", share_between)
         monkeypatch.setattr(pairs_module, "_fitted_pairs", lambda *_: pairs)
         given = SearchState(

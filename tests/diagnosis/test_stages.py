@@ -37,6 +37,7 @@ from steps import (
     search_start_module,
     search_state_module,
     shares_by_effect,
+    stage_fit_module,
     step,
     still_refused,
     stopped,
@@ -555,7 +556,7 @@ def test_a_fit_that_failed_has_its_own_steps(monkeypatch):
 def test_a_first_guess_has_each_effect_where_it_does_nothing(effect):
     """A limit's null is infinite: far more than there is in the logs stands for it."""
     model, log = dft.Thruster(), sets.draw("clear/command_deadband", 3).train[0]
-    with_it = (model + effect).replace(admission_module._at_null(effect))
+    with_it = (model + effect).replace(stage_fit_module._at_null(effect))
     plain, there = (dft.compare(each, log).errors.nrmse for each in (model, with_it))
     assert there == pytest.approx(plain, rel=1e-9)
 
@@ -637,6 +638,48 @@ def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, r
     assert admission_module.reject_if_unborne(context, state, "lag") is None  # an effect
 
 
+@pytest.mark.parametrize(
+    ("substeps", "recorded", "made"),
+    [(2, "kept", ["refitted"]), (2, "detectable", ["refitted"]),
+     (16, "kept", ["compared", "ended"]), (16, "detectable", ["compared"]),
+     (16, None, ["compared"])],
+)  # fmt: skip
+def test_beside_a_stage_of_many_steps_an_effect_is_fitted_to_its_end_where_it_is_kept(
+    monkeypatch, substeps, recorded, made
+):
+    """Beside a Kingfisher's dead band five effects took a minute or two each to be detectable."""
+    fits, last = [], SimpleNamespace(fit=SimpleNamespace(substeps=substeps))
+    state = SearchState(SimpleNamespace(), (last,), {})
+
+    def fitting(kind):
+        def fit(*_):
+            fits.append(kind)
+            return SimpleNamespace(kind=kind)
+
+        return fit
+
+    def record_stage(context, state, fitted, name):
+        if recorded == "kept":
+            return replace(state, stages=(*state.stages, fitted))
+        return replace(state, detectable=("wind",))
+
+    refusal = None if recorded else Refusal.UNSEEN_RUNS
+    for name, work in (
+        ("few_substeps", lambda *_: 2), ("refitted_stage", fitting("refitted")),
+        ("compared_stage", fitting("compared")), ("ended", fitting("ended")),
+        ("no_better", lambda *_: refusal), ("record_stage", record_stage),
+        ("without_idle", lambda context, state: state),
+    ):  # fmt: skip
+        monkeypatch.setattr(admission_module, name, work)
+    context = SimpleNamespace(records=())
+    outcome = admission_module._fitted_and_recorded(context, state, "wind", None)
+    assert fits == made
+    if recorded == "kept":
+        assert outcome.stages[-1].kind == made[-1]
+    else:
+        assert (outcome is refusal) if refusal else (outcome.detectable == ("wind",))
+
+
 def ended(errors, log_likelihood, horizon=None, substeps=1):
     channels = {n: SimpleNamespace(rmse=rmse) for n, rmse in errors.items()}
     train = SimpleNamespace(nrmse=sum(errors.values()), channels=channels)
@@ -658,8 +701,8 @@ def test_a_fit_ended_worse_where_what_it_maximises_is_lower():
         (ended(fallen, -183.0, horizon=20.0), False),
         (ended(grown, 183.0, substeps=4), True),
     ):
-        assert admission_module.ended_worse(after, before) is worse
-    assert admission_module.ended_worse(ended(errors, -65.3), before, by=0.0)
+        assert stage_fit_module.ended_worse(after, before) is worse
+    assert stage_fit_module.ended_worse(ended(errors, -65.3), before, by=0.0)
 
 
 def flowing(loss, nrmse):

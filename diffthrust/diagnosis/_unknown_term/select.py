@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
-from diffthrust.diagnosis._admission import drop, refitted_stage
+from diffthrust.diagnosis._admission import drop
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._explained_share import matters
@@ -26,6 +26,7 @@ from diffthrust.diagnosis._search_start import compiled_fitter, trial_substeps
 from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
+from diffthrust.diagnosis._stage_fit import refitted_stage
 from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve, likely_curves, tune_memory
 from diffthrust.diagnosis._unknown_term.fit import (
     error_within,
