@@ -1,14 +1,15 @@
 """Commands of a craft that are exchanged, or of the wrong sign, named in words.
 
 The forces that the commands give about the craft's origin must be seen in the changes of its
-measured velocities. Held against them by least squares, one axis after the other, every reading of
-the commands (two of like thrusters exchanged, one turned, or two such mistakes) is tried in one
-pass over the logs, without a fit: a fit of a craft that is wired otherwise ends anywhere.
+measured velocities, by the body's own channels or by sensors on it. Held against them by least
+squares, one axis after the other, every reading of the commands (two of thrusters of one kind
+exchanged, one turned, or two such mistakes) is tried in one pass over the logs, without a fit: a
+fit of a craft that is wired otherwise ends anywhere.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -20,7 +21,8 @@ from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.models._craft.craft import Craft
-from diffthrust.models._craft.six import Six, cross, scaled
+from diffthrust.models._craft.scope import place_of
+from diffthrust.models._craft.six import Six, Triple, cross, scaled
 from diffthrust.simulation._runs import Run
 from diffthrust.soundness._doubt import Doubt, Reading
 
@@ -33,7 +35,7 @@ _AXES = {
     "pitch_rate": "pitch",
     "yaw_rate": "yaw",
 }
-"""The axis of each measured velocity."""
+"""The axis of each velocity of a body."""
 _SPAN = 0.6
 """Time over which changes of velocities are taken [s]: longer than a thruster takes to follow,
 shorter than a craft takes to settle."""
@@ -72,7 +74,7 @@ def wiring_doubts(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
     own = {name: (name, 1.0) for name in parts}
     bar, likely = _misfit(balances, own), []
     # two mistakes are tried beside one: the sides of a BlueBoat are exchanged and one is turned
-    for wirings in _wirings(parts, [[n for n in group if n in parts] for group in model.groups()]):
+    for wirings in _wirings(parts, _kinds(model, parts)):
         left = [_misfit(balances, {**own, **wiring.sources}) for wiring in wirings]
         near = sorted((v, k) for k, v in enumerate(left) if v <= _NEXT * min(left))
         if min(left) < _LEFT * bar and len(near) <= _MOST:
@@ -98,6 +100,14 @@ def wiring_doubts(model: Model, runs: Sequence[Run]) -> Iterator[Doubt]:
     )
 
 
+def _kinds(model: Craft, parts: Iterable[str]) -> list[list[str]]:
+    """The actuators by their model, whether they share its numbers or not."""
+    kinds: dict[Hashable, list[str]] = {}
+    for name in parts:
+        kinds.setdefault(model.actuators[name].model.structure, []).append(name)
+    return list(kinds.values())
+
+
 def _turned_sensors(balances: Sequence[_Balance], own: _Sources, then: float) -> Reading | None:
     """The sensors of the axes along which all works backwards, where that explains as much.
 
@@ -116,7 +126,7 @@ def _turned_sensors(balances: Sequence[_Balance], own: _Sources, then: float) ->
 
 
 def _wirings(names: Iterable[str], like: Sequence[Sequence[str]]) -> Iterator[list[_Wiring]]:
-    """Every single mistake, every two of like thrusters exchanged or one turned; then every two."""
+    """Every single mistake, two of one kind exchanged or one turned; then every two of these."""
     mistakes: list[_Sources] = []
     for group in like:
         for first, second in combinations(group, 2):
@@ -157,12 +167,13 @@ class _Balance(NamedTuple):
     What else the velocities do is taken out of all of them, and all are shares of the changes'
     squares: ``change`` what is left of these, ``along`` the products of the thrusts with them,
     ``pairs`` those with each other. ``arms`` are the force or moment of each actuator per thrust,
-    ``places`` the place of each command and sign.
+    ``laws`` whose numbers it has, ``places`` the place of each law, command and sign.
     """
 
     axis: str
     arms: Mapping[str, float]
-    places: Mapping[tuple[str, float], int]
+    laws: Mapping[str, str]
+    places: Mapping[tuple[str, str, float], int]
     change: float
     along: np.ndarray
     pairs: np.ndarray
@@ -170,16 +181,23 @@ class _Balance(NamedTuple):
 
 def _balances(model: Craft, runs: Sequence[Run], parts: Mapping[str, str]) -> list[_Balance]:
     """Of each axis that all runs measure, and along which a thruster pushes."""
-    axes = [axis for axis in _AXES if all(axis in run.channels for run in runs)]
+    axes = _measured_axes(model, runs)
     if not axes:
         return []
-    keys = [(name, sign) for name in parts for sign in (1.0, -1.0)]
-    rows = [_rows(model, run, parts, keys, axes) for run in runs]
+    laws = {name: model.actuators.owner(name) for name in parts}
+    keys = dict.fromkeys(
+        (laws[name], source, sign)
+        for kind in _kinds(model, parts)
+        for name in kind
+        for source in kind
+        for sign in (1.0, -1.0)
+    )
+    rows = [_rows(model, run, parts, [*keys], axes) for run in runs]
     changes, velocities, thrusts = (np.concatenate(part) for part in zip(*rows, strict=True))
     products = [a * b for a, b in combinations(velocities.T, 2)]
     balances = []
-    for k, axis in enumerate(axes):
-        arms = {name: _arm(model, name, _AXES[axis]) for name in parts}
+    for k, (channel, axis) in enumerate(axes.items()):
+        arms = {name: _arm(model, name, axis) for name in parts}
         along, change = velocities[:, k], changes[:, k]
         other = [np.ones_like(along), *velocities.T, along * np.abs(along), *products]
         columns = np.stack([*other, change, *thrusts.T], axis=1)
@@ -191,15 +209,58 @@ def _balances(model: Craft, runs: Sequence[Run], parts: Mapping[str, str]) -> li
         moved = moved - base @ np.linalg.lstsq(base, moved, rcond=None)[0]
         gram = moved.T @ moved / total
         places = {key: place for place, key in enumerate(keys)}
-        balances.append(_Balance(axis, arms, places, gram[0, 0], gram[0, 1:], gram[1:, 1:]))
+        sums = gram[0, 0], gram[0, 1:], gram[1:, 1:]
+        balances.append(_Balance(channel, arms, laws, places, *sums))
     return balances
+
+
+def _measured_axes(model: Craft, runs: Sequence[Run]) -> dict[str, str]:
+    """By channel that all runs measure the axis that it tells of: one for each axis.
+
+    The body's own come first. A sensor away from the origin tells a velocity of the body only
+    beside all of its turning.
+    """
+    read = [name for name in model.outputs if all(name in run.channels for run in runs)]
+    axes = {name: _AXES[name] for name in read if name in _AXES}
+    for name in read:
+        sensor, _, short = name.rpartition(".")
+        if sensor in model.sensors:
+            told = model.sensors[sensor].model.as_of_body({short: np.zeros(1)})
+            axis = _AXES.get(next(iter(told), "")) if len(told) == 1 else None
+            if axis and axis not in axes.values():
+                axes[name] = axis
+    turning = {_AXES[n] for n in model.body.states if _AXES.get(n) in Six._fields[3:]}
+    if turning <= {*axes.values()}:
+        return axes
+    return {
+        name: axis
+        for name, axis in axes.items()
+        if axis in turning or name in _AXES or not any(_place(model, name.rpartition(".")[0]))
+    }
+
+
+def _velocities(model: Craft, run: Run, axes: Mapping[str, str]) -> list[np.ndarray]:
+    """The velocities of the body at its origin, as the channels tell them."""
+    told: dict[str, np.ndarray] = {}
+    for name, axis in axes.items():
+        sensor, _, short = name.rpartition(".")
+        values = run.channels[name].measured
+        if sensor:
+            (values,) = model.sensors[sensor].model.as_of_body({short: values}).values()
+        told[axis] = np.asarray(values)
+    angular = Six(**{axis: told.get(axis, 0.0) for axis in Six._fields[3:]})
+    for name, axis in axes.items():
+        if axis in Six._fields[:3] and (sensor := name.rpartition(".")[0]):
+            there = angular.at(_place(model, sensor))
+            told[axis] = told[axis] - there[Six._fields.index(axis)]
+    return [told[axis] for axis in axes.values()]
 
 
 def _explained(balance: _Balance, sources: _Sources) -> float:
     """The share of an axis' changes that its force explains; negative where it works backwards."""
     weights = np.zeros(len(balance.places))
     for name, source in sources.items():
-        weights[balance.places[source]] += balance.arms[name]
+        weights[balance.places[balance.laws[name], *source]] += balance.arms[name]
     force, size = float(weights @ balance.along), float(weights @ balance.pairs @ weights)
     return force * abs(force) / size if size > 0 else 0.0
 
@@ -222,8 +283,8 @@ def _rows(
     model: Craft,
     run: Run,
     parts: Mapping[str, str],
-    keys: Sequence[tuple[str, float]],
-    axes: Sequence[str],
+    keys: Sequence[tuple[str, str, float]],
+    axes: Mapping[str, str],
 ) -> tuple[np.ndarray, ...]:
     """Changes of a run's velocities over `_SPAN`; means over it of these and of the thrusts."""
     span = max(1, round(_SPAN / float(np.median(np.diff(run.time)))))
@@ -235,10 +296,9 @@ def _rows(
         total, count = (total[:, span:] - total[:, :-span])[:, :-1]
         return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
-    velocities = [run.channels[axis].measured for axis in axes]
+    velocities = _velocities(model, run, axes)
     commands = {n: np.asarray(run.signals[c], float) for n, c in parts.items()}
-    # members of a group have one law, so that of the command's own thruster will do
-    thrusts = (_steady(model, name, sign * commands[name]) for name, sign in keys)
+    thrusts = (_steady(model, law, sign * commands[source]) for law, source, sign in keys)
     changes = [v[span:] - v[:-span] for v in velocities]
     parts_of_rows = (changes, map(mean, velocities), map(mean, thrusts))
     return tuple(np.stack([*part], axis=1) for part in parts_of_rows)
@@ -255,9 +315,13 @@ def _steady(model: Craft, name: str, command: np.ndarray) -> np.ndarray:
 
 def _arm(model: Craft, name: str, axis: str) -> float:
     """Force or moment of an actuator along an axis per thrust."""
-    mounted = model.actuators[name]
-    place = tuple(getattr(model, f"{name}.{axis}") for axis in "xyz")
+    mounted, place = model.actuators[name], _place(model, name)
     reaction = scaled(mounted.reaction or 0.0, mounted.pointing)
     moment = [a + b for a, b in zip(cross(place, mounted.pointing), reaction, strict=True)]
     strength = getattr(model, f"{name}.strength", 1.0)
     return float(strength * getattr(Six(*mounted.pointing, *moment), axis))
+
+
+def _place(model: Craft, part: str) -> Triple:
+    """Where a part is."""
+    return place_of(part, vars(model))

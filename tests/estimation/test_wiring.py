@@ -32,7 +32,10 @@ BOAT = dft.Craft(
 )  # fmt: skip
 
 
-def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0), turned=()):
+BODY = "surge", "sway", "heave", "yaw_rate"
+
+
+def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0), turned=(), read=BODY):
     """The doubts on a log whose columns are wired otherwise, of another truth."""
     rng = np.random.default_rng(seed)
     time = 0.1 * np.arange(400)
@@ -40,9 +43,9 @@ def doubts(craft, wired=None, truth=None, seed=1, missing=slice(0), turned=()):
     inputs = dict(zip(craft.inputs, steps, strict=True))
     units = dict(craft.inputs)
     out = dft.simulate(truth or craft, dft.Log(time, inputs, units=units), substeps=6)
-    names = [n for n in ("surge", "sway", "heave", "yaw_rate") if n in out]
+    names = [n for n in read if n in out]
     measured = {n: out[n] + rng.normal(0, 0.01, 400) for n in names}
-    measured["surge"][missing] = np.nan
+    measured[names[0]][missing] = np.nan
     measured |= {name: -measured[name] for name in turned}
     logged = {**inputs, **{n: s * inputs[other] for n, (other, s) in (wired or {}).items()}}
     log = dft.Log(time, logged, measured, units=units)
@@ -167,6 +170,57 @@ def test_beside_an_exchange_nothing_is_said_to_come_late(wired, kinds, monkeypat
     _, log, _ = doubts(ROV, wired)
     runs = runs_over(ROV, bind(ROV, [log]), substeps=4)
     assert [doubt.kind for doubt in doubts_about({}, runs, ROV, [log])] == kinds
+
+
+APART = dft.Craft(
+    Planar(),
+    port=LAW.at((-0.4, -0.3, 0)),
+    starboard=StaticThruster(gain=40.0, exponent=2.0).at((-0.4, 0.3, 0)),
+)
+
+
+def test_two_that_do_not_share_their_numbers_are_exchanged():
+    """Each has its own law for the other's command."""
+    (doubt,), log, inputs = doubts(APART, exchanged("port", "starboard"))
+    assert "the commands of port and starboard exchanged" in doubt.evidence
+    mended = doubt.readings[0].log(log)
+    for name, series in inputs.items():
+        np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize(
+    "truth", [None, APART.replace({"port.gain": 10.0}), APART + ("port", "command_delay")]
+)
+def test_two_of_their_own_numbers_that_are_wired_as_logged(truth, seed):
+    assert doubts(APART, truth=truth, seed=seed)[0] == []
+
+
+SENSED = ROV.with_sensors(
+    dvl=dft.sensors.DVL(frame="FLU").at((0.2, 0.1, 0.15)), imu=dft.sensors.IMU(frame="FLU")
+)
+SENSORS = "dvl.surge", "dvl.sway", "dvl.heave", "imu.yaw_rate"
+
+
+@pytest.mark.parametrize("pair", [("t1", "t2"), ("t2", "t3"), ("t1", "t5")])
+def test_an_exchange_seen_by_sensors_at_their_places(pair):
+    (doubt,), log, inputs = doubts(SENSED, exchanged(*pair), read=SENSORS)
+    assert f"the commands of {pair[0]} and {pair[1]} exchanged" in doubt.evidence
+    mended = doubt.readings[0].log(log)
+    for name, series in inputs.items():
+        np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+def test_a_sensor_of_the_other_frame():
+    craft = SENSED.with_sensors(dvl=dft.sensors.DVL(frame="FLU"))
+    (doubt,), _, _ = doubts(craft, turned=("imu.yaw_rate",), read=SENSORS)
+    assert (doubt.channel, doubt.kind) == ("imu.yaw_rate", "sign")
+
+
+@pytest.mark.parametrize("read", [SENSORS, SENSORS[:3]], ids=["all", "no rate"])
+def test_sensors_that_agree_with_the_commands(read):
+    """A log of velocities at a place, without turning, does not tell those of the body."""
+    assert doubts(SENSED, read=read)[0] == []
 
 
 def test_other_models_are_not_doubted():
