@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TypeGuard
 
 from diffthrust.diagnosis._criteria import criterion, missed, no_better, price_of, unseen_gain
@@ -24,7 +25,7 @@ from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_beside, fitted_to_runs
 from diffthrust.diagnosis._stage_fit import (
     compared_stage,
-    ended,
+    fitted_to_its_end,
     refitted_stage,
     stage_effects,
     worths_between,
@@ -87,14 +88,15 @@ def _fitted_and_recorded(
         undropped: the same without effects dropped, if any were, for runs that err more without.
     """
     last = state.stages[-1]
-    only_compared = few_substeps(last.fit, context.records) < last.fit.substeps
-    fit = compared_stage if only_compared else refitted_stage
+    few = few_substeps(last.fit, context.records)
+    fit = refitted_stage if few == last.fit.substeps else partial(compared_stage, anew=True)
     fitted = fit(context, state)
     if undropped and missed(last, fitted):
         state, fitted = undropped, fit(context, undropped)
     outcome = _recorded(context, state, fitted, name)
-    if only_compared and _is_kept(outcome, fitted):
-        fitted = ended(context, fitted)
+    if few == fitted.fit.substeps < last.fit.substeps and _is_kept(outcome, fitted):
+        # what few steps made of it must not count
+        fitted = fitted_to_its_end(context, fitted)
         outcome = _recorded(context, state, fitted, name)
     return without_idle(context, outcome) if _is_kept(outcome, fitted) else outcome
 

@@ -59,10 +59,17 @@ def refitted_stage(
     return rivals[key]
 
 
-def compared_stage(context: SearchContext, state: SearchState, starts: int = 0) -> FittedStage:
-    """As `refitted_stage`, with the fewest integrator steps that tell fits apart."""
+def compared_stage(
+    context: SearchContext, state: SearchState, starts: int = 0, *, anew: bool = False
+) -> FittedStage:
+    """As `refitted_stage`, with the fewest integrator steps that tell fits apart.
+
+    With ``anew`` it is fitted from the values of the trial even where the same effects were fitted
+    before: what one-step errors gave no start for may be tried again from whole runs.
+    """
     few = few_substeps(state.stages[-1].fit, context.records)
-    stage = refitted_stage(context, state, starts, few)
+    fit = _alike_or_apart if anew else refitted_stage
+    stage = fit(context, state, starts, few)
     if math.isfinite(stage.train.nrmse):
         return stage
     return refitted_stage(context, state, starts)  # what is stiff overflows with few
@@ -159,11 +166,16 @@ def _at_null(effect: Effect) -> dict[str, float]:
 
 
 def ended(context: SearchContext, stage: FittedStage) -> FittedStage:
-    """A stage that was only compared, fitted to its end with the integrator steps it needs."""
+    """A stage that was only compared, fitted to its end; as it is where that errs more."""
+    fitted = fitted_to_its_end(context, stage)
+    return stage if ended_worse(fitted, stage) else fitted
+
+
+def fitted_to_its_end(context: SearchContext, stage: FittedStage) -> FittedStage:
+    """A stage that was only compared, fitted with the integrator steps that it needs."""
     model = stage.fit.model
     values = {n: p.value for n, p in model.parameters.items() if not p.fixed}
-    fitted = FittedStage(stage.effects, *context.refit(model, [values], starts=1))
-    return stage if ended_worse(fitted, stage) else fitted
+    return FittedStage(stage.effects, *context.refit(model, [values], starts=1))
 
 
 def ended_worse(stage: FittedStage, other: FittedStage, by: float = NOTICED) -> bool:

@@ -264,7 +264,8 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         hint = hint_at(little) + unstable_advice(status, model, runs, corrects)
         hint += optimum.caution * status.ok
     # later: most fits are asked for their numbers alone, and doubts take longer than a small fit
-    doubts = Later(lambda: doubts_about(little, () if failed else runs, model, doubted))
+    seen = () if failed else runs
+    doubts = Later(lambda: doubts_about(little, seen, model, problem.model, doubted))
     vanished = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     estimates = _estimates(problem, best.z, local, shown_of(optimum.runs))

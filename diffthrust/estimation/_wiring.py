@@ -22,6 +22,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.models._craft.craft import Craft
 from diffthrust.models._craft.scope import place_of
+from diffthrust.models._craft.sensor import Sensor
 from diffthrust.models._craft.six import Six, Triple, cross, scaled
 from diffthrust.simulation._runs import Run
 from diffthrust.soundness._doubt import Doubt, Reading
@@ -225,7 +226,7 @@ def _measured_axes(model: Craft, runs: Sequence[Run]) -> dict[str, str]:
     for name in read:
         sensor, _, short = name.rpartition(".")
         if sensor in model.sensors:
-            told = model.sensors[sensor].model.as_of_body({short: np.zeros(1)})
+            told = _sensor(model, sensor).as_of_body({short: np.zeros(1)})
             axis = _AXES.get(next(iter(told), "")) if len(told) == 1 else None
             if axis and axis not in axes.values():
                 axes[name] = axis
@@ -244,16 +245,34 @@ def _velocities(model: Craft, run: Run, axes: Mapping[str, str]) -> list[np.ndar
     told: dict[str, np.ndarray] = {}
     for name, axis in axes.items():
         sensor, _, short = name.rpartition(".")
-        values = run.channels[name].measured
+        values = np.asarray(run.channels[name].measured)
         if sensor:
-            (values,) = model.sensors[sensor].model.as_of_body({short: values}).values()
-        told[axis] = np.asarray(values)
-    angular = Six(**{axis: told.get(axis, 0.0) for axis in Six._fields[3:]})
+            (values,) = _sensor(model, sensor).as_of_body({short: values}).values()
+        told[axis] = values
+    turning = {axis: _between(run.time, told[axis]) for axis in Six._fields[3:] if axis in told}
     for name, axis in axes.items():
         if axis in Six._fields[:3] and (sensor := name.rpartition(".")[0]):
-            there = angular.at(_place(model, sensor))
+            there = Six(**turning).at(_place(model, sensor))
             told[axis] = told[axis] - there[Six._fields.index(axis)]
     return [told[axis] for axis in axes.values()]
+
+
+def _between(time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Readings between those there are, in gaps of less than `_SPAN`: sensors take turns."""
+    there = np.isfinite(values)
+    if not there.any():
+        return values
+    filled = np.interp(time, time[there], values[there])
+    after = np.searchsorted(time[there], time)
+    before = time[there][np.maximum(after - 1, 0)]
+    gap = time[there][np.minimum(after, there.sum() - 1)] - before
+    return np.where(gap < _SPAN, filled, np.nan)
+
+
+def _sensor(model: Craft, name: str) -> Sensor:
+    """A sensor with the present numbers of the craft."""
+    sensor = model.sensors[name].model
+    return sensor._bound({k: getattr(model, f"{name}.{k}") for k in sensor._parameters})
 
 
 def _explained(balance: _Balance, sources: _Sources) -> float:
@@ -323,5 +342,7 @@ def _arm(model: Craft, name: str, axis: str) -> float:
 
 
 def _place(model: Craft, part: str) -> Triple:
-    """Where a part is."""
+    """Where a part is; the origin, where that does not matter."""
+    if part in model.sensors and not model.sensors[part].model.placed:
+        return (0.0, 0.0, 0.0)
     return place_of(part, vars(model))

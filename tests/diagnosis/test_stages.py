@@ -639,45 +639,81 @@ def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, r
 
 
 @pytest.mark.parametrize(
-    ("substeps", "recorded", "made"),
-    [(2, "kept", ["refitted"]), (2, "detectable", ["refitted"]),
-     (16, "kept", ["compared", "ended"]), (16, "detectable", ["compared"]),
-     (16, None, ["compared"])],
+    ("substeps", "outcomes", "made"),
+    [(2, ["kept"], ["refitted"]), (2, ["detectable"], ["refitted"]),
+     (16, ["kept", "kept"], ["compared", "ended"]), (16, ["detectable"], ["compared"]),
+     (16, ["refused"], ["compared"]), (16, ["kept", "refused"], ["compared", "ended"]),
+     (16, ["kept", "detectable"], ["compared", "ended"])],
 )  # fmt: skip
 def test_beside_a_stage_of_many_steps_an_effect_is_fitted_to_its_end_where_it_is_kept(
-    monkeypatch, substeps, recorded, made
+    monkeypatch, substeps, outcomes, made
 ):
-    """Beside a Kingfisher's dead band five effects took a minute or two each to be detectable."""
-    fits, last = [], SimpleNamespace(fit=SimpleNamespace(substeps=substeps))
+    """Beside a Kingfisher's dead band five effects took a minute or two each to be detectable.
+
+    What only few steps make of an effect is judged once more with those that it needs.
+    """
+    fits, left = [], [*outcomes]
+    last = SimpleNamespace(fit=SimpleNamespace(substeps=substeps))
     state = SearchState(SimpleNamespace(), (last,), {})
 
-    def fitting(kind):
-        def fit(*_):
+    def fitting(kind, steps):
+        def fit(*_, anew=False):
+            assert anew == (kind == "compared")
             fits.append(kind)
-            return SimpleNamespace(kind=kind)
+            return SimpleNamespace(kind=kind, fit=SimpleNamespace(substeps=steps))
 
         return fit
 
     def record_stage(context, state, fitted, name):
-        if recorded == "kept":
+        if left.pop(0) == "kept":
             return replace(state, stages=(*state.stages, fitted))
         return replace(state, detectable=("wind",))
 
-    refusal = None if recorded else Refusal.UNSEEN_RUNS
+    def no_better(last, fitted):
+        if left[0] != "refused":
+            return None
+        left.pop(0)
+        return Refusal.UNSEEN_RUNS
+
     for name, work in (
-        ("few_substeps", lambda *_: 2), ("refitted_stage", fitting("refitted")),
-        ("compared_stage", fitting("compared")), ("ended", fitting("ended")),
-        ("no_better", lambda *_: refusal), ("record_stage", record_stage),
+        ("few_substeps", lambda *_: 2), ("refitted_stage", fitting("refitted", substeps)),
+        ("compared_stage", fitting("compared", 2)), ("fitted_to_its_end", fitting("ended", 16)),
+        ("no_better", no_better), ("record_stage", record_stage),
         ("without_idle", lambda context, state: state),
     ):  # fmt: skip
         monkeypatch.setattr(admission_module, name, work)
     context = SimpleNamespace(records=())
     outcome = admission_module._fitted_and_recorded(context, state, "wind", None)
     assert fits == made
-    if recorded == "kept":
+    assert not left
+    if outcomes[-1] == "kept":
         assert outcome.stages[-1].kind == made[-1]
+    elif outcomes[-1] == "refused":
+        assert outcome is Refusal.UNSEEN_RUNS
     else:
-        assert (outcome is refusal) if refusal else (outcome.detectable == ("wind",))
+        assert outcome.detectable == ("wind",)
+
+
+def test_an_effect_that_is_tried_again_from_other_values_is_fitted_again(monkeypatch):
+    """A trial from whole runs begins elsewhere than one from one-step errors, beside one stage."""
+    made = []
+
+    def fit(context, state, starts, substeps):
+        made.append(state.current)
+        return SimpleNamespace(train=SimpleNamespace(nrmse=0.1), values=state.current)
+
+    for name, work in (
+        ("few_substeps", lambda *_: 2), ("_alike_or_apart", fit),
+        ("stage_effects", lambda state: ("wind",)),
+    ):  # fmt: skip
+        monkeypatch.setattr(stage_fit_module, name, work)
+    last, context = FittedStage((), None, (), ()), SimpleNamespace(records=())
+    for values in ("first", "second"):
+        state = SearchState(values, (last,), {})
+        assert stage_fit_module.compared_stage(context, state, anew=True).values == values
+    assert stage_fit_module.compared_stage(context, state).values == "second"
+    assert stage_fit_module.compared_stage(context, state) is last.rivals[("wind",), 0, 2]
+    assert made == ["first", "second", "second"]
 
 
 def ended(errors, log_likelihood, horizon=None, substeps=1):

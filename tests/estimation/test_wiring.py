@@ -1,6 +1,7 @@
 """Commands of a craft that are exchanged or turned are named; what is only physics is not."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,11 @@ import diffthrust as dft
 from diffthrust.actuators import StaticThruster
 from diffthrust.bodies import FourDegrees, Planar
 from diffthrust.estimation._unexplained import doubts_about  # private: without a fit
-from diffthrust.estimation._wiring import wiring_doubts  # private: without a fit
+from diffthrust.estimation._wiring import (  # private: without a fit
+    _measured_axes,
+    _velocities,
+    wiring_doubts,
+)
 from diffthrust.simulation._record import bind  # private: a run of the model as given
 from diffthrust.simulation._runs import runs_over  # private: a run of the model as given
 from diffthrust.soundness import Doubt
@@ -169,7 +174,7 @@ def test_beside_an_exchange_nothing_is_said_to_come_late(wired, kinds, monkeypat
     monkeypatch.setattr("diffthrust.estimation._unexplained.late_readings", lambda runs: late)
     _, log, _ = doubts(ROV, wired)
     runs = runs_over(ROV, bind(ROV, [log]), substeps=4)
-    assert [doubt.kind for doubt in doubts_about({}, runs, ROV, [log])] == kinds
+    assert [doubt.kind for doubt in doubts_about({}, runs, ROV, ROV, [log])] == kinds
 
 
 APART = dft.Craft(
@@ -186,6 +191,22 @@ def test_two_that_do_not_share_their_numbers_are_exchanged():
     mended = doubt.readings[0].log(log)
     for name, series in inputs.items():
         np.testing.assert_array_equal(mended.inputs[name], series)
+
+
+@pytest.mark.filterwarnings("ignore::diffthrust.simulation.CoarseStepWarning")
+@pytest.mark.parametrize(
+    ("wired", "words"),
+    [(exchanged("port", "starboard"), "the commands of port and starboard exchanged"),
+     ({"port.command": ("port.command", -1.0)}, "the command of port turned"), ({}, "")],
+    ids=["exchanged", "turned", "as logged"],
+)  # fmt: skip
+def test_a_fit_of_two_with_numbers_of_their_own_tells_how_they_are_wired(wired, words):
+    """With the port command turned the fit drives one gain to nothing and the other to 7e15."""
+    begun = dft.Craft(Planar(), port=LAW.at((-0.4, -0.3, 0)), starboard=LAW.at((-0.4, 0.3, 0)))
+    _, log, _ = doubts(begun, wired, begun.replace({"starboard.gain": 32.0}))
+    about = [d.evidence for d in dft.fit(begun, log, starts=1).doubts if "command" in d.channel]
+    assert len(about) == (words != "")
+    assert all(words in evidence for evidence in about)
 
 
 @pytest.mark.parametrize("seed", [2, 3])
@@ -217,10 +238,54 @@ def test_a_sensor_of_the_other_frame():
     assert (doubt.channel, doubt.kind) == ("imu.yaw_rate", "sign")
 
 
-@pytest.mark.parametrize("read", [SENSORS, SENSORS[:3]], ids=["all", "no rate"])
-def test_sensors_that_agree_with_the_commands(read):
-    """A log of velocities at a place, without turning, does not tell those of the body."""
-    assert doubts(SENSED, read=read)[0] == []
+def test_sensors_that_agree_with_the_commands():
+    assert doubts(SENSED, read=SENSORS)[0] == []
+
+
+def test_velocities_at_a_place_without_turning_tell_nothing():
+    """Those of the body would be guessed."""
+    assert doubts(SENSED, exchanged("t1", "t2"), read=SENSORS[:3])[0] == []
+
+
+def test_velocities_of_the_body_by_sensors_at_their_places():
+    """Also where the sensors are read in turn; the IMU's axes are those of ROS."""
+    far = SENSED.with_sensors(dvl=dft.sensors.DVL(frame="FLU").at((0.9, 0.4, 0.3)))
+    time = 0.02 * np.arange(400)
+    inputs = {n: 0.5 * np.sin((1.0 + 0.2 * i) * time) for i, n in enumerate(far.inputs)}
+    log = dft.Log(time, inputs, units=dict(far.inputs))
+    out = dft.simulate(far, log, substeps=2)
+    measured = {
+        n: np.where(np.arange(400) % 2 == (n[:3] == "imu"), out[n], np.nan) for n in SENSORS
+    }
+    (run,) = runs_over(far, bind(far, [replace(log, measured=measured)]), substeps=2)
+    axes = _measured_axes(far, [run])
+    assert axes == dict(zip(SENSORS, ("surge", "sway", "heave", "yaw"), strict=True))
+    for name, values in zip(SENSORS, _velocities(far, run, axes), strict=True):
+        there = np.isfinite(values)
+        assert there[2:-2].mean() > 0.4
+        np.testing.assert_allclose(values[there], out[name.partition(".")[2]][there], atol=2e-3)
+
+
+class Wheel(dft.sensors.Sensor):
+    """It reads the speed ahead, wherever it is, by a scale."""
+
+    name = "wheel"
+    outputs = {"speed": "m/s"}
+    placed = False
+    scale: float = dft.parameter(2.0, bounds=(0, None), fixed=True)
+
+    def read(self, moving):
+        return {"speed": self.scale * moving.velocity.surge}
+
+    def as_of_body(self, readings):
+        return {"surge": readings["speed"] / self.scale}
+
+
+def test_a_sensor_without_a_place():
+    craft = BOAT.with_sensors(wheel=Wheel())
+    read = "wheel.speed", "yaw_rate"
+    (doubt,), _, _ = doubts(craft, exchanged("port", "starboard"), read=read)
+    assert "the commands of port and starboard exchanged" in doubt.evidence
 
 
 def test_other_models_are_not_doubted():
