@@ -232,15 +232,17 @@ def fit_records(
         written={name: way for log in reversed(logs) for name, way in log.written.items()},
         logs=(*logs, *unseen),
         **words,
-        **_judged(optimum, notes, (*logs, *unseen) if options.doubts else ()),
+        **_judged(optimum, model, notes, (*logs, *unseen) if options.doubts else ()),
         **levels,
     )
     fitted = with_runaways(fitted, optimum.runs, doubts=options.doubts)
     return FitRuns(fitted, optimum.runs, holdout_runs)
 
 
-def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) -> dict[str, Any]:
-    """What a fit reports of its optimum, with notes on a refit, unseen runs and rails.
+def _judged(
+    optimum: Optimum, given: Model, notes: tuple[str, ...], doubted: tuple[Log, ...]
+) -> dict[str, Any]:
+    """What a fit of a model as ``given`` reports of its optimum, with notes on a refit and runs.
 
     The logs that are ``doubted`` are looked at whether they are sound.
     """
@@ -265,7 +267,7 @@ def _judged(optimum: Optimum, notes: tuple[str, ...], doubted: tuple[Log, ...]) 
         hint += optimum.caution * status.ok
     # later: most fits are asked for their numbers alone, and doubts take longer than a small fit
     seen = () if failed else runs
-    doubts = Later(lambda: doubts_about(little, seen, model, problem.model, doubted))
+    doubts = Later(lambda: doubts_about(little, seen, model, given, doubted))
     vanished = vanished_notes(problem, best.z)
     of_logs = [f"{run.name}: {note}" for run in optimum.runs for note in run.log.notes]
     estimates = _estimates(problem, best.z, local, shown_of(optimum.runs))

@@ -182,7 +182,7 @@ class _Balance(NamedTuple):
 
 def _balances(model: Craft, runs: Sequence[Run], parts: Mapping[str, str]) -> list[_Balance]:
     """Of each axis that all runs measure, and along which a thruster pushes."""
-    axes = _measured_axes(model, runs)
+    axes = measured_axes(model, runs)
     if not axes:
         return []
     laws = {name: model.actuators.owner(name) for name in parts}
@@ -215,7 +215,7 @@ def _balances(model: Craft, runs: Sequence[Run], parts: Mapping[str, str]) -> li
     return balances
 
 
-def _measured_axes(model: Craft, runs: Sequence[Run]) -> dict[str, str]:
+def measured_axes(model: Craft, runs: Sequence[Run]) -> dict[str, str]:
     """By channel that all runs measure the axis that it tells of: one for each axis.
 
     The body's own come first. A sensor away from the origin tells a velocity of the body only
@@ -240,7 +240,7 @@ def _measured_axes(model: Craft, runs: Sequence[Run]) -> dict[str, str]:
     }
 
 
-def _velocities(model: Craft, run: Run, axes: Mapping[str, str]) -> list[np.ndarray]:
+def velocities_of(model: Craft, run: Run, axes: Mapping[str, str]) -> list[np.ndarray]:
     """The velocities of the body at its origin, as the channels tell them."""
     told: dict[str, np.ndarray] = {}
     for name, axis in axes.items():
@@ -315,7 +315,7 @@ def _rows(
         total, count = (total[:, span:] - total[:, :-span])[:, :-1]
         return np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
 
-    velocities = _velocities(model, run, axes)
+    velocities = velocities_of(model, run, axes)
     commands = {n: np.asarray(run.signals[c], float) for n, c in parts.items()}
     thrusts = (_steady(model, law, sign * commands[source]) for law, source, sign in keys)
     changes = [v[span:] - v[:-span] for v in velocities]

@@ -11,8 +11,8 @@ from diffthrust.actuators import StaticThruster
 from diffthrust.bodies import FourDegrees, Planar
 from diffthrust.estimation._unexplained import doubts_about  # private: without a fit
 from diffthrust.estimation._wiring import (  # private: without a fit
-    _measured_axes,
-    _velocities,
+    measured_axes,
+    velocities_of,
     wiring_doubts,
 )
 from diffthrust.simulation._record import bind  # private: a run of the model as given
@@ -258,9 +258,9 @@ def test_velocities_of_the_body_by_sensors_at_their_places():
         n: np.where(np.arange(400) % 2 == (n[:3] == "imu"), out[n], np.nan) for n in SENSORS
     }
     (run,) = runs_over(far, bind(far, [replace(log, measured=measured)]), substeps=2)
-    axes = _measured_axes(far, [run])
+    axes = measured_axes(far, [run])
     assert axes == dict(zip(SENSORS, ("surge", "sway", "heave", "yaw"), strict=True))
-    for name, values in zip(SENSORS, _velocities(far, run, axes), strict=True):
+    for name, values in zip(SENSORS, velocities_of(far, run, axes), strict=True):
         there = np.isfinite(values)
         assert there[2:-2].mean() > 0.4
         np.testing.assert_allclose(values[there], out[name.partition(".")[2]][there], atol=2e-3)
