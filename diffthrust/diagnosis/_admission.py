@@ -104,6 +104,7 @@ def _fitted_and_recorded(
 def _recorded(
     context: SearchContext, state: SearchState, fitted: FittedStage, name: str
 ) -> SearchState | Refusal:
+    """The search with a fit as a stage or as detectable, or why whole runs refuse it."""
     return no_better(state.stages[-1], fitted) or record_stage(context, state, fitted, name)
 
 

@@ -52,6 +52,10 @@ _NEXT = 1.05
 _MOST = 3
 """More readings that are as good say nothing."""
 
+_ROWS = 20_000
+"""Numerics: rows of the least squares from which on they overlap less, down to not at all: eight
+thrusters with numbers of their own on 100 000 samples took 630 MB with all of them."""
+
 _Sources = Mapping[str, tuple[str, float]]
 """For each actuator that is read otherwise, whose command it has, and with which sign."""
 
@@ -193,7 +197,8 @@ def _balances(model: Craft, runs: Sequence[Run], parts: Mapping[str, str]) -> li
         for source in kind
         for sign in (1.0, -1.0)
     )
-    rows = [_rows(model, run, parts, [*keys], axes) for run in runs]
+    stride = max(1, sum(run.time.size for run in runs) // _ROWS)
+    rows = [_rows(model, run, parts, [*keys], axes, stride) for run in runs]
     changes, velocities, thrusts = (np.concatenate(part) for part in zip(*rows, strict=True))
     products = [a * b for a, b in combinations(velocities.T, 2)]
     balances = []
@@ -226,35 +231,36 @@ def measured_axes(model: Craft, runs: Sequence[Run]) -> dict[str, str]:
     for name in read:
         sensor, _, short = name.rpartition(".")
         if sensor in model.sensors:
-            told = _sensor(model, sensor).as_of_body({short: np.zeros(1)})
-            axis = _AXES.get(next(iter(told), "")) if len(told) == 1 else None
+            of_body = _sensor(model, sensor).as_of_body({short: np.zeros(1)})
+            axis = _AXES.get(next(iter(of_body), "")) if len(of_body) == 1 else None
             if axis and axis not in axes.values():
                 axes[name] = axis
     turning = {_AXES[n] for n in model.body.states if _AXES.get(n) in Six._fields[3:]}
-    if turning <= {*axes.values()}:
-        return axes
+    complete = turning <= {*axes.values()}
     return {
         name: axis
         for name, axis in axes.items()
-        if axis in turning or name in _AXES or not any(_place(model, name.rpartition(".")[0]))
+        if complete or axis in turning or not any(_place(model, name.rpartition(".")[0]))
     }
 
 
 def velocities_of(model: Craft, run: Run, axes: Mapping[str, str]) -> list[np.ndarray]:
     """The velocities of the body at its origin, as the channels tell them."""
-    told: dict[str, np.ndarray] = {}
+    velocity: dict[str, np.ndarray] = {}
     for name, axis in axes.items():
         sensor, _, short = name.rpartition(".")
         values = np.asarray(run.channels[name].measured)
         if sensor:
             (values,) = _sensor(model, sensor).as_of_body({short: values}).values()
-        told[axis] = values
-    turning = {axis: _between(run.time, told[axis]) for axis in Six._fields[3:] if axis in told}
+        velocity[axis] = values
+    turning = {
+        axis: _between(run.time, velocity[axis]) for axis in Six._fields[3:] if axis in velocity
+    }
     for name, axis in axes.items():
         if axis in Six._fields[:3] and (sensor := name.rpartition(".")[0]):
             there = Six(**turning).at(_place(model, sensor))
-            told[axis] = told[axis] - there[Six._fields.index(axis)]
-    return [told[axis] for axis in axes.values()]
+            velocity[axis] = velocity[axis] - there[Six._fields.index(axis)]
+    return [velocity[axis] for axis in axes.values()]
 
 
 def _between(time: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -304,9 +310,14 @@ def _rows(
     parts: Mapping[str, str],
     keys: Sequence[tuple[str, str, float]],
     axes: Mapping[str, str],
+    stride: int,
 ) -> tuple[np.ndarray, ...]:
-    """Changes of a run's velocities over `_SPAN`; means over it of these and of the thrusts."""
+    """Changes of a run's velocities over `_SPAN`; means over it of these and of the thrusts.
+
+    Every ``stride``-th, as long as no sample is passed over.
+    """
     span = max(1, round(_SPAN / float(np.median(np.diff(run.time)))))
+    every = min(stride, span)
 
     def mean(values: np.ndarray) -> np.ndarray:
         there = np.isfinite(values)
@@ -320,7 +331,7 @@ def _rows(
     thrusts = (_steady(model, law, sign * commands[source]) for law, source, sign in keys)
     changes = [v[span:] - v[:-span] for v in velocities]
     parts_of_rows = (changes, map(mean, velocities), map(mean, thrusts))
-    return tuple(np.stack([*part], axis=1) for part in parts_of_rows)
+    return tuple(np.stack([v[::every].copy() for v in part], axis=1) for part in parts_of_rows)
 
 
 def _steady(model: Craft, name: str, command: np.ndarray) -> np.ndarray:
@@ -342,7 +353,7 @@ def _arm(model: Craft, name: str, axis: str) -> float:
 
 
 def _place(model: Craft, part: str) -> Triple:
-    """Where a part is; the origin, where that does not matter."""
-    if part in model.sensors and not model.sensors[part].model.placed:
+    """Where a part is; the origin for the body itself, and where it does not matter."""
+    if not part or (part in model.sensors and not model.sensors[part].model.placed):
         return (0.0, 0.0, 0.0)
     return place_of(part, vars(model))

@@ -288,5 +288,16 @@ def test_a_sensor_without_a_place():
     assert "the commands of port and starboard exchanged" in doubt.evidence
 
 
+@pytest.mark.parametrize("wired", [exchanged("t2", "t3"), {}], ids=["exchanged", "as logged"])
+def test_rows_of_long_logs_overlap_less(wired, monkeypatch):
+    whole, *_ = doubts(ROV, wired)
+    monkeypatch.setattr("diffthrust.estimation._wiring._ROWS", 100)
+    fewer, *_ = doubts(ROV, wired)
+    assert [doubt.readings[0].sources for doubt in fewer] == [
+        doubt.readings[0].sources for doubt in whole
+    ]
+    assert len(fewer) == len(wired) / 2
+
+
 def test_other_models_are_not_doubted():
     assert [*wiring_doubts(dft.Thruster(), ())] == []
