@@ -19,11 +19,17 @@ if TYPE_CHECKING:
 def effects_command() -> None:
     """List the effects of the catalogue: what each does, its port, and its parameters."""
     with ui.session():
+        from diffthrust.actuators import ACTUATORS
+        from diffthrust.bodies import BODIES
         from diffthrust.models import MODELS, Vessel
         from diffthrust.models._base.registry import catalogue
+        from diffthrust.models._craft.craft import Craft
+        from diffthrust.specs._thrusters import model_of
 
-        models = {name: model() for name, model in MODELS.items()}
-        models["vessel (twin)"] = Vessel(drive="twin")
+        models = {name: model_of(name) for name in (*MODELS, *ACTUATORS)}
+        models = {**models, "vessel (twin)": Vessel(drive="twin")}
+        # its thrusters' effects are listed with the thrusters
+        models |= {f"craft ({name})": Craft(body()) for name, body in BODIES.items()}
         report = catalogue_report(catalogue().values(), models)
     ui.show(report)
 

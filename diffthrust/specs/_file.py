@@ -209,15 +209,20 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     if problem["type"] == "too_short":
         message = f"at least {problem['ctx']['min_length']} entry"
     message = re.sub(r" or instance of \w+$", "", message)
+    path = ".".join(map(str, loc))
+    mend = f"Correct {path}."
+    if problem["type"] == "model_type":
+        needed = [f"{name} = ..." for name in _keys(loc, needed=True)]
+        mend = f"Write the table [{path}] with {', '.join(needed) or listing(_keys(loc))}."
     return InputError(
         f"{where}: expected {message[:1].lower()}{message[1:]}, found "
         f"{short_repr(problem['input'])}.{also}",
-        f"Correct {'.'.join(map(str, loc))}.",
+        mend,
     )
 
 
-def _keys(loc: Sequence[Any]) -> list[str]:
-    """The valid keys of the table at a path."""
+def _keys(loc: Sequence[Any], *, needed: bool = False) -> list[str]:
+    """The valid keys of the table at a path, or those of them that are ``needed``."""
     here: Any = SpecFile
     for name in loc:
         if isinstance(here, type) and issubclass(here, BaseModel):
@@ -227,7 +232,8 @@ def _keys(loc: Sequence[Any]) -> list[str]:
             here = get_args(here)[-1]
         while get_origin(here) in (Annotated, Union, UnionType):
             here = next(a for a in get_args(here) if a is not type(None))
-    return list(here.model_fields) if hasattr(here, "model_fields") else []
+    fields = here.model_fields if hasattr(here, "model_fields") else {}
+    return [name for name, field in fields.items() if field.is_required() or not needed]
 
 
 _DEEPEST = 50

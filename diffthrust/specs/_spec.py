@@ -39,7 +39,7 @@ from diffthrust.specs._scripts import (
     script_file,
     trusted_folders,
 )
-from diffthrust.specs._thrusters import channels_of, craft_of, with_sensor
+from diffthrust.specs._thrusters import channels_of, craft_of, place_of, with_sensor
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis
@@ -186,12 +186,12 @@ class Spec(Brief):
         if place is None:
             return error
         clock = self._clock()
-        where = [(("logs", "time"), clock.column)] if isinstance(clock, Column) else []
-        where += [(("channels", n), channel.column) for n, channel in self.file.channels.items()]
-        for loc, column in where:
-            if column == place.column or loc[-1] == place.channel:
+        where = [("time", clock.column)] if isinstance(clock, Column) else []
+        where += [(name, channel.column) for name, channel in self.file.channels.items()]
+        for name, column in where:
+            if column == place.column or name == place.channel:
                 key = "unit" if place.unit else "column"
-                line = line_of(self.text, self.path, (*loc, key))
+                line = line_of(self.text, self.path, place_of(self.file, name, key))
                 problem = f"{error.problem} It is named in {line}."
                 return InputError(problem, error.mend, place=place)
         return error
@@ -366,7 +366,7 @@ def _model(file: SpecFile, source: SpecText, trust: Sequence[Path | str]) -> Mod
             model = with_sensor(model, name, part)
     if "command" not in options:
         for name in (name for name in model.commanded if name in file.channels):
-            with source.at("channels", name, "unit"):
+            with source.at(*place_of(file, name, "unit")):
                 unit = si_unit(file.channels[name].as_column().kept_unit, name)
                 model = model.commanded_in(command_kind(model, unit))
     with source.at("effects"):

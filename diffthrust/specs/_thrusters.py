@@ -41,7 +41,7 @@ def craft_of(body: str, thrusters: ThrustersPart) -> Craft:
                 f"found body = {body!r}.",
                 "Leave body out, or place the thrusters one by one.",
             )
-        model = _model(thrusters.model, thrusters.on) if thrusters.model else None
+        model = model_of(thrusters.model, thrusters.on) if thrusters.model else None
         craft = layout.craft(model)
         if thrusters.columns and len(thrusters.columns) != len(craft.actuators):
             raise InputError(
@@ -83,6 +83,19 @@ def channels_of(file: SpecFile) -> dict[str, ChannelPart]:
         channel = next(iter(craft.actuators[name].model.inputs))
         channels[f"{name}.{channel}"] = ChannelPart(column=column, **kept)
     return channels
+
+
+def place_of(file: SpecFile, channel: str, key: str) -> tuple[str, ...]:
+    """Where a spec file gives the column of a channel, or another key of it: the path of keys."""
+    if channel == "time":
+        return ("logs", channel, key)
+    thruster, thrusters = channel.rpartition(".")[0], file.thrusters
+    column = file.channels[channel].column
+    if thrusters and column in thrusters.columns:
+        return ("thrusters", "columns" if key == "column" else key)
+    if thrusters and thruster in thrusters.each and column == thrusters.each[thruster].input:
+        return ("thrusters", thruster, "input" if key == "column" else key)
+    return ("channels", channel, key)
 
 
 def craft_from(path: Path | str) -> Craft:
@@ -135,7 +148,7 @@ def _mounts(thrusters: ThrustersPart) -> dict[str, Mounted[Model]]:
     for name, part in thrusters.each.items():
         like = thrusters.each.get(part.like, part)
         kind, on = part.model or like.model or thrusters.model, part.on or like.on
-        model = _model(kind, on, f"[thrusters.{name}]: ")
+        model = model_of(kind, on, f"[thrusters.{name}]: ")
         if part.at is None:
             raise InputError(f"[thrusters.{name}] has no place.", "Add at = [x, y, z] in metres.")
         mounts[name] = model.at(part.at, part.pointing, reaction=part.reaction)
@@ -156,7 +169,7 @@ def _groups(each: Mapping[str, ThrusterPart]) -> list[tuple[str, ...]]:
     return [(first, *(n for n in members if n != first)) for first, members in groups.items()]
 
 
-def _model(name: str, on: str = "", where: str = "") -> Model:
+def model_of(name: str, on: str = "", where: str = "") -> Model:
     """A model of a thruster by its name, on an axis or before a rudder where ``on`` is its own."""
     models: dict[str, Any] = {**MODELS, **ACTUATORS}
     name = name or "static_thruster"
@@ -167,7 +180,7 @@ def _model(name: str, on: str = "", where: str = "") -> Model:
                 "Correct the name.",
             )
     if name in STEERED:
-        return STEERED[name](_model(on or "static_thruster", where=where))
+        return STEERED[name](model_of(on or "static_thruster", where=where))
     return models[name]()
 
 

@@ -19,7 +19,7 @@ from diffthrust._support.page import image
 from diffthrust.checks._check import run_again
 from diffthrust.comparison._page import comparisons_of, write_comparison_page
 from diffthrust.estimation._model_lines import code_of, effects_line, python_lines
-from diffthrust.specs._file import NAME
+from diffthrust.specs._file import NAME, parse_spec
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec
 from diffthrust.workbench._session import Session
@@ -50,9 +50,13 @@ def spec_text(session: Session, folder: Path) -> str:
         if files:
             logs[key] = [_relative(file, folder) for file in files]
     _set_left_out(logs, (*spec.file.logs.leave_out, *setup.left_out))
+    written = parse_spec(spec.text, spec.path).channels
     for name, seconds in setup.shifts.items():
-        shift = spec.file.channels[name].shift + seconds
-        _set(document, "channels", name, "column", {"shift": shift})
+        channel = spec.file.channels[name]
+        # the column of a thruster's command may stand with the thruster
+        whole = {} if name in written else channel.model_dump(exclude_defaults=True)
+        shift = {"shift": channel.shift + seconds}
+        _set(document, "channels", name, "column", {**whole, **shift})
     kept = zip(spec.model.effects, document.get("effects", []), strict=True)
     entries: dict[str, Any] = {effect.name: entry for effect, entry in kept}
     laws = tomlkit.parse(effects_line(session.laws.values()))["effects"]

@@ -7,6 +7,8 @@ import pytest
 from problems import farthest_runaway
 
 import diffthrust as dft
+from diffthrust.estimation._runaway import with_runaways  # private: beside a doubt of one's own
+from diffthrust.soundness import Doubt
 
 pytestmark = pytest.mark.filterwarnings("ignore::diffthrust.simulation.CoarseStepWarning")
 
@@ -118,6 +120,12 @@ def test_a_parameter_at_a_thousand_times_its_start_is_doubted_however_well_it_fi
     assert "But gain ran very far from the first guess: look at the doubts." in fit.message
     begun = eval(doubt.mend.split("begin there: ")[1].rstrip("."), {"model": Scaled()})
     assert dft.fit(begun, millimetres, starts=1).doubts == ()
+    turned = Doubt("target", "sign", "run: target is turned round.", 'read it with "scale = -1".')
+    beside = with_runaways(
+        replace(fit, doubts=(turned,)), dft.compare(fit, millimetres).runs, doubts=True
+    )
+    assert beside.doubts[0] == turned
+    assert beside.doubts[1].mend == "mend target first, then fit again."
 
 
 def test_a_converged_fit_that_explains_less_than_a_fifth_of_a_channel_is_doubted():

@@ -110,6 +110,28 @@ def test_mistakes_are_named_with_their_mend(folder, old, new, message):
         dft.load_spec("fit.toml")
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        (
+            '"RCOU.C3"',
+            '"RCOU.C33"',
+            r"RCOU\.C33.*in fit\.toml, line 13, thrusters\.starboard\.input",
+        ),
+        ("stop = 1500, ", "stop = 1500, ful = 1, ", r"line 6, thrusters\.pwm\.ful"),
+        (
+            "[thrusters.port]\n",
+            '[thrusters.port]\nunit = "kgf"\n',
+            r"line 8, thrusters\.port\.unit",
+        ),
+    ],
+)
+def test_mistakes_of_a_thruster_are_told_with_its_own_line(folder, old, new, place):
+    (folder / "fit.toml").write_text(SPEC.replace(old, new))
+    with pytest.raises(InputError, match=place):
+        dft.load_spec("fit.toml").train_logs()
+
+
 def test_look_draws_a_craft(folder):
     (folder / "boat.toml").write_text('thrusters = { frame = "otter" }')
     shown = run("look", "--craft", "boat.toml", "--figure", "boat.png")

@@ -432,6 +432,28 @@ def test_shifts_are_saved_however_channels_are_written(lacking, channels):
     }
 
 
+def test_the_command_of_a_thruster_is_shifted(tmp_path):
+    text = """model = "craft"
+body = "planar"
+[thrusters.port]
+at = [-0.35, -0.285, 0]
+input = "c1"
+pwm = { stop = 1500, full = 1900 }
+[logs]
+train = "run.csv"
+[channels]
+surge = "u"
+"""
+    (tmp_path / "fit.toml").write_text(text)
+    rows = np.c_[0.1 * np.arange(20), np.full(20, 1700), np.linspace(0.0, 1.0, 20)]
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="time,c1,u", comments="")
+    session = Session(opened(tmp_path))
+    session.shift(0.1, "port.command")
+    (tmp_path / "shifted.toml").write_text(spec_text(session, tmp_path))
+    channel = dft.load_spec(tmp_path / "shifted.toml").file.channels["port.command"]
+    assert (channel.column, channel.shift, channel.pwm.full) == ("c1", 0.1, 1900)
+
+
 PARAMETERS = {
     "alone": "[parameters]\nresistance = 1.2\ninductance = 0.0052  # by hand\n",
     "dotted": "[parameters]\nresistance.value = 1.2\ninductance.value = 0.0052  # by hand\n",
