@@ -79,7 +79,8 @@ def with_proven(
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
         singles, detectable = trials.singles, state.detectable
-        new = {name: trial for name, trial in singles.items() if name not in detectable}
+        effects = context.fitter.candidates.keys() - {*detectable}
+        new = {name: trial for name, trial in singles.items() if name in effects}
         fitted = _fitted_pairs(context, state, trials, new)
         fitted = fitted[: SETTINGS.pairs.most_fitted]
         ended = []

@@ -5,8 +5,9 @@
 
 If few states are measured, random forces in the innovations form can explain anything. Therefore,
 if the errors of whole runs are large although one-step errors support no further effect, every
-candidate is fitted to whole runs as well. Its trial is repeated from these values. Effects that
-only whole runs support are reported as possible.
+candidate is fitted to whole runs as well, constants among them: a ferry's azimuth turned in 1.3 s
+where 0.3 was held, which corrections of its unmeasured angle made up for. Its trial is repeated
+from these values. Candidates that only whole runs support are reported as possible.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import replace
 from functools import partial
 
 from diffthrust.diagnosis._admission import admit
+from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._criteria import OverRuns
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Refusal, TriedEffect
@@ -255,9 +257,10 @@ def _trials(context: SearchContext, state: SearchState) -> SimulationTrials:
     fitter, last = context.fitter, state.stages[-1]
     runs = Runs(fitter, context.given)
     near = runs.near(last.effects, values_of(fitter, last), unclipped(fitter))
-    names = [n for n in fitter.candidates if n not in last.effects]
+    names = [n for n in (*fitter.candidates, *fitter.constants) if n not in last.effects]
     started = screened(runs.fitter, names, near, levels_of(fitter, near))
-    users = [n for n in names if n not in started and fitter.candidates[n].of_user]
+    untried = [n for n in names if n not in started and n not in fitter.constants]
+    users = [n for n in untried if fitter.candidates[n].of_user]
     most = SETTINGS.whole_runs.most_user_effects
     started |= {name: _multistart_fit(context, state, runs, near, name) for name in users[:most]}
     base, *ended = side_by_side(runs.far, [near, *started.values()])
@@ -290,8 +293,12 @@ def _retried(
 ) -> TrialFit:
     """The trial of an effect, started from its fit to whole runs."""
     fitter, present = context.fitter, state.current.trial
-    parts = ("", name, *state.stages[-1].effects)
-    values = {n: v for n, v in simulated.values.items() if n.rpartition(".")[0] in parts}
+    parts = (name, *state.stages[-1].effects)
+    values = {
+        n: v
+        for n, v in simulated.values.items()
+        if n in context.given.parameters or any(of_effect(n, part) for part in parts)
+    }
     effects = (*present.effects, name)
     return fitter.settled(
         effects, {**present.values, **values}, simulated.initial_states, present.clip

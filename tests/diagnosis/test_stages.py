@@ -268,6 +268,56 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     assert len(made) == 3
 
 
+def test_whole_runs_try_constants_too_from_all_numbers_of_the_model(monkeypatch):
+    """An azimuth turned in 1.3 s where 0.3 was held: from sample to sample its angle is corrected.
+
+    Beside the true values of the other numbers: those of a craft's thrusters have a place before
+    their names, as those of an effect do.
+    """
+    kept = {"m22": 75.0, "bow.gain": 30.0, "bow.slew_time": 1.3}
+    nulls = {"noise.sway.gain.sway": 0.0, "wind.along": 0.0, "bow.command_delay.delay": 0.02}
+    single = SimpleNamespace(values={**kept, **nulls}, initial_states=None)
+    screens, starts = [], []
+
+    class Fitter:
+        candidates = {"wind": SimpleNamespace(of_user=False)}
+        constants, least_gain = ("bow.slew_time",), 4.0
+
+        def settled(self, effects, values, states, clip):
+            starts.append((effects, values))
+            return SimpleNamespace(effects=effects)
+
+    fitter, stage = Fitter(), SimpleNamespace(effects=("bow.command_delay",))
+    runs = SimpleNamespace(fitter=fitter, near=lambda *_: single, far=lambda near: near)
+    for name, stand_in in {
+        "simulation_is_poor": lambda *_: True,
+        "runs_lead": lambda *_: False,
+        "Runs": lambda *_: runs,
+        "values_of": lambda *_: {},
+        "unclipped": lambda *_: None,
+        "levels_of": lambda *_: {},
+        "screened": lambda of, names, *_: screens.append(names) or {"bow.slew_time": single},
+        "share_between": lambda *_: Worth(0.9, 0.8, 0.95),
+        "rate": lambda *_: SimpleNamespace(delta_bic=0.0),
+        "with_proven": lambda context, state, *_: state,
+    }.items():
+        monkeypatch.setattr(f"{STEPWISE}.{name}", stand_in)
+    context = SimpleNamespace(
+        fitter=fitter, given=SimpleNamespace(parameters=kept), unseen=(), say=lambda *_: None,
+        clock=lambda _: nullcontext(),
+    )  # fmt: skip
+    present = SimpleNamespace(
+        effects=stage.effects, values={"d11": 20.0}, initial_states=None, clip=None
+    )
+    current = SimpleNamespace(trial=present, criterion=0.0)
+    state = SearchState(current, (stage,), {})
+    assert from_simulation(context, state).possible.keys() == {"bow.slew_time"}
+    assert screens == [["wind", "bow.slew_time"]]
+    ((effects, start),) = starts
+    assert effects == ("bow.command_delay", "bow.slew_time")
+    assert start == {"d11": 20.0, **kept, "bow.command_delay.delay": 0.02}
+
+
 ROV = dft.Craft(dft.bodies.SixDegrees(), ahead=dft.actuators.StaticThruster().at((0.0, 0.0, 0.0)))
 VELOCITIES = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
 
