@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from diffthrust.comparison._compare import Comparison, comparison_of
+from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._changed_size import changed_size
 from diffthrust.diagnosis._criteria import held_values
 from diffthrust.diagnosis._effect_shares import shares_by_effect
@@ -357,7 +358,9 @@ def still_possible(
     with context.clock("learned"):
         beside = {
             name: worth_between_fits(
-                context, fit, quick_fit(context, fit, fit.model + candidates[name])
+                context,
+                fit,
+                quick_fit(context, fit, with_candidates(fit.model, [name], candidates)),
             )
             for name in possible
         }

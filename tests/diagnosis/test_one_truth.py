@@ -339,6 +339,9 @@ def test_undecided_says_what_is_possible_and_which_record_would_decide():
     assert "these logs cannot tell a disturbance from missing physics" in text
     assert "each would remove: a command dead band 40 % (20 % to 60 %)" in text
     assert "repeats the inputs of one of these logs" in text
+    constant = replace(made.undecided(), possible={"alpha": Worth(0.4, 0.2, 0.6)})
+    assert "each would remove: another value of alpha 40 % (20 % to 60 %)" in constant.details
+    assert "Possibly also: another value of alpha" in constant.summary
     proposed = replace(made.undecided(), experiment=made.diagnosis().experiment)
     assert f"A further record would decide: {proposed.experiment.sentence}" in proposed.details
     assert "lacks" not in text

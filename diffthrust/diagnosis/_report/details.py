@@ -39,6 +39,7 @@ from diffthrust.diagnosis._report.text import (
     an_effect,
     better_model,
     blind_channels,
+    candidate_words,
     copied_fit,
     errors_of,
     held_words,
@@ -185,13 +186,13 @@ def _undecided_words(diag: Findings) -> list[str]:
 
 
 def _possible_words(diag: Findings) -> list[str]:
-    """The effects that whole runs support, and one-step errors do not."""
+    """The candidates that whole runs support, and one-step errors do not."""
     shares = []
     for name, worth in diag.possible.items():
         if sure := sure_share(worth):
             of = f" of that of {humanize(sure.channel)}" if sure.channel else ""
             logs = f" on {judged_logs(diag, True)}" if sure.everywhere else ""
-            shares.append(f"{an_effect(name)} {sure.worth}{of}{logs}")
+            shares.append(f"{candidate_words(diag, name)} {sure.worth}{of}{logs}")
     if not shares:
         return []
     beside = " beside what was learned" if diag.laws else ""

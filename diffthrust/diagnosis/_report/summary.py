@@ -21,6 +21,7 @@ from diffthrust.diagnosis._report.text import (
     an_effect,
     better_model,
     blind_channels,
+    candidate_words,
     change_words,
     copied_fit,
     effect_words,
@@ -204,7 +205,11 @@ def _unmeasured(diag: Findings) -> Part:
 
 
 def _possible(diag: Findings) -> Part:
-    possible = [humanize(n) for n, worth in diag.possible.items() if sure_share(worth)]
+    possible = [
+        candidate_words(diag, name, humanize)
+        for name, worth in diag.possible.items()
+        if sure_share(worth)
+    ]
     if not possible:
         return ()
     words = "Possibly also: "

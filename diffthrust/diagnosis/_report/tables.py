@@ -9,7 +9,13 @@ from diffthrust._support.words import humanize, joined, number, with_error
 from diffthrust.diagnosis._explained_share import Worth, sure_share, surely_removes
 from diffthrust.diagnosis._findings import Findings, Stage
 from diffthrust.diagnosis._report.error_text import GIVEN, LEFT, WITHOUT, judged_logs, squared_error
-from diffthrust.diagnosis._report.text import adding_little, copied_fit, leading, stage_words
+from diffthrust.diagnosis._report.text import (
+    adding_little,
+    candidate_words,
+    copied_fit,
+    leading,
+    stage_words,
+)
 from diffthrust.estimation._result import Fit
 from diffthrust.models._base.registry import catalogue
 from diffthrust.simulation._errors import Errors
@@ -58,7 +64,7 @@ def worth_rows(diag: Findings) -> Rows:
 
 def _worth_rows(diag: Findings, name: str, kind: str, worth: Worth) -> Iterator[tuple[str, ...]]:
     of = GIVEN if name in diag.added else LEFT
-    yield humanize(name), kind, *_sure_cells(diag, worth, of)
+    yield candidate_words(diag, name, humanize), kind, *_sure_cells(diag, worth, of)
     if worth.beside_others:
         yield "", "beside the others", *_sure_cells(diag, worth.beside_others, WITHOUT)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from diffthrust._support.words import (
@@ -79,6 +79,11 @@ def model_words(model: Model) -> str:
 def an_effect(name: str) -> str:
     """An effect by its name: "a command dead band"; one of one word without article: "wind"."""
     return an(humanize(name)) if "_" in name else humanize(name)
+
+
+def candidate_words(diag: Findings, name: str, called: Callable[[str], str] = an_effect) -> str:
+    """An effect as it is called, or a fixed constant: "another value of lever_arm"."""
+    return f"another value of {name}" if name in diag.fit.model.parameters else called(name)
 
 
 def sized_words(name: str, fit: Fit, *more: str) -> str:
@@ -255,7 +260,7 @@ def rival_words(diag: Findings) -> dict[str, str]:
     Rivals that were added later are none: model and logs tell both apart.
     """
     rivals = {
-        name: [an_effect(rival) for rival in group if rival not in diag.added]
+        name: [candidate_words(diag, rival) for rival in group if rival not in diag.added]
         for name, group in zip(diag.added, diag.groups, strict=True)
     }
     return {name: joined(words, "or") for name, words in rivals.items() if words}
