@@ -13,6 +13,7 @@ from typing import NamedTuple, NoReturn
 from diffthrust._support._running.pool import WorkerPool, as_done, own_worker, processors
 from diffthrust._support._running.process import ProcessDied, ProcessNotStarted, Worker
 from diffthrust._support.errors import InputError, os_errors_as
+from diffthrust._support.extras import extra
 from diffthrust._support.files import ending, write_whole
 from diffthrust._support.progress import ProgressOption, progressing, reporter
 from diffthrust._support.validation import whole_number
@@ -59,7 +60,8 @@ def check(
         progress: True for a bar, or a function of the name of a fit and the share done.
         jobs: number of processes, each with one thread and some 300 MB; 1 runs all fits in this
             process. By default one per processor, and at most one per three fits.
-        junit: a file to write, ending in ``.xml``, in the JUnit format that CI services read.
+        junit: a file to write, ending in ``.xml``, in the JUnit format that CI services read
+            (``pip install 'diffthrust[junit]'``).
         trust: folders whose scripts specs may run, besides those in and below their own.
 
     Returns:
@@ -78,6 +80,8 @@ def check(
         whole_number("jobs", jobs)
     if junit is not None:
         ending(Path(junit), ".xml")
+        with extra("junit", "junit: a file of results"):
+            import junitparser  # noqa: F401
     tasks = tasks_in(Path(directory), update, trusted_folders(trust))
     jobs = jobs or min(processors(), -(-len(tasks) // _FEWEST))
     report, outcomes = reporter(progress), dict[int, FitRun]()

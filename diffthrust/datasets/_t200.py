@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
 from diffthrust.datasets._fetch import located, wanted
@@ -125,6 +126,8 @@ def _staircase(table: Log, held: float) -> Log:
 def _sheets(path: Path) -> dict[str, Any]:
     import pandas as pd
 
+    with extra("excel", f"{path.name}: reading a spreadsheet"):
+        import openpyxl  # noqa: F401
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # openpyxl leaves out the drawings, and says so

@@ -36,7 +36,8 @@ def read_log(
     inputs and samples cut by ``start`` and ``stop``, and names the largest gaps.
 
     Args:
-        path: a text file (.csv, .tsv, .txt), an Excel file (.xlsx), .parquet, .mat, or .h5.
+        path: a text file (.csv, .tsv, .txt), an Excel file (.xlsx, with ``pip install
+            'diffthrust[excel]'``), .parquet (``'diffthrust[parquet]'``), .mat, or .h5.
         time: the time column, in seconds where no unit is given; dates become seconds after the
             first. A number is the step [s] of samples without time stamps. None for a static table,
             whose rows are then counted 0, 1, 2, ...

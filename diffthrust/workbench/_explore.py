@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust.diagnosis._result import Diagnosis
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._log import Log
@@ -102,16 +102,9 @@ def explore(
         >>> bench = dft.explore("fit.toml", browser=False, wait=False)
         >>> bench.close()
     """
-    try:
+    with extra("workbench", "The workbench"):
+        from diffthrust.workbench._page import Page
         from diffthrust.workbench._server import PageServer
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != "bokeh":
-            raise
-        raise InputError(
-            "The workbench needs Bokeh, which is not installed.",
-            "Install the extra: python -m pip install 'diffthrust[workbench]'.",
-        ) from None
-    from diffthrust.workbench._page import Page
 
     session = Session(opened(what, logs, holdout, trusted_folders(trust)))
     comparison = session.task.compare()

@@ -273,5 +273,5 @@ def test_a_prior_would_count_for_each_vehicle(dives):
 
 def test_pooling_needs_blackjax(monkeypatch):
     monkeypatch.setitem(sys.modules, "blackjax", None)
-    with pytest.raises(InputError, match="Pooling needs BlackJAX"):
+    with pytest.raises(InputError, match="Pooling needs blackjax"):
         dft.many.fleet(schools()).pool()

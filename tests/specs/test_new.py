@@ -111,6 +111,6 @@ def test_the_workflow_stands_in_the_root_of_the_repository(tmp_path):
     assert "fits.yml" in out
     text = path.read_text()
     assert 'diffthrust check "tests/fits" --junit fits.xml' in text
-    assert f"diffthrust=={dft.__version__}" in text
+    assert f"diffthrust[junit]=={dft.__version__}" in text
     assert not fits.exists()
     assert "of a git repository" in refused("--workflow", "--directory", tmp_path.parent)

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from diffthrust._support.extras import extra
 from diffthrust.logs._damaged import damaged, reading
 from diffthrust.logs._robots.dataflash import LATEST
-from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes, lacking
+from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
 from diffthrust.logs._units import unit_in
 
 
@@ -22,10 +23,8 @@ def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:
     Frames of MAVLink 1 and 2 are each preceded by their time of reception at the ground station
     [us], which jitters with the link. Parameters are those that the vehicle has told.
     """
-    try:
+    with extra("ardupilot", f"{path.name}: reading this kind of log"):
         from pymavlink.dialects.v20 import ardupilotmega as dialect
-    except ImportError as error:
-        raise lacking(path.name, "pymavlink", "ardupilot", error) from None
     kinds: Any = dialect.mavlink_map
     decoder: Any = dialect.MAVLink(None)
     groups: dict[tuple[str, tuple[int, ...], str], Gathered] = {}
@@ -117,10 +116,8 @@ def read_ulog(path: Path, names: Collection[str] | None) -> RobotContents:
 
 
 def _load(path: Path, names: Collection[str] | None) -> Any:
-    try:
+    with extra("px4", f"{path.name}: reading this kind of log"):
         from pyulog import ULog
-    except ImportError as error:
-        raise lacking(path.name, "pyulog", "px4", error) from None
     printed = StringIO()
     # pyulog prints what it skips, and given a path it leaves a damaged file open.
     silent = redirect_stdout(printed), redirect_stderr(printed)

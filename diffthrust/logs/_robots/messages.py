@@ -81,11 +81,3 @@ def absent(file: str, column: str, what: str, name: str, names: Iterable[str]) -
         f"expected the {what} {name!r}, found {listing(names)}.",
         f"name a {what} that is there{nearest(name, names, '; ')}.",
     )
-
-
-def lacking(file: str, library: str, extra: str, error: ImportError) -> InputError:
-    """The error for a library that is not installed."""
-    return InputError(
-        f"{file}: reading this kind of log needs {library}, which cannot be imported ({error}).",
-        f"pip install 'diffthrust[{extra}]'",
-    )

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust._support.names import listing
 from diffthrust.logs._damaged import damaged
 from diffthrust.logs._robots.messages import (
@@ -22,7 +23,6 @@ from diffthrust.logs._robots.messages import (
     RobotContents,
     absent,
     column_place,
-    lacking,
     split_column,
 )
 from diffthrust.logs._robots.packed import check_unpacked
@@ -150,11 +150,9 @@ def _wanted_topics(file: str, wanted: Sequence[str]) -> dict[str, _Topic]:
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
     """Open a bag with its reader."""
-    try:
+    with extra("ros", f"{path.name}: reading this kind of log"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise lacking(path.name, "rosbags", "ros", error) from None
     # Bags before ROS 2 Iron hold no message definitions; the library's own of this distribution
     # serve.
     store = Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.LATEST

@@ -11,6 +11,7 @@ from zipfile import ZipFile
 import numpy as np
 
 from diffthrust._support.errors import InputError, Place
+from diffthrust._support.extras import extra
 from diffthrust._support.names import listing, nearest
 from diffthrust.logs._damaged import reading
 from diffthrust.logs._largest import MemoryBudget
@@ -73,7 +74,8 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
 
 def _sheets(path: Path, results: bool = True) -> dict[str, list[_Row]]:
     """The rows of each sheet; formulas as their results, or as text."""
-    from openpyxl import load_workbook
+    with extra("excel", f"{path.name}: reading a spreadsheet"):
+        from openpyxl import load_workbook
 
     budget = MemoryBudget(path)
     sheets: dict[str, list[_Row]] = {}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust.logs._damaged import reading
 from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
@@ -64,8 +65,9 @@ def time_of(frame: Any, source: OpenTable) -> str:
 
 def read_parquet(path: Path) -> OpenTable:
     """Open a Parquet file."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+    with extra("parquet", f"{path.name}: reading Parquet"):
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
     budget = MemoryBudget(path)
     budget.take(path.stat().st_size)

@@ -62,6 +62,8 @@ class _Samples:
                 f"{self.source.file}: expected samples, found none in {blank.size} rows.",
                 "check that the recording was saved, and that the columns are the right ones.",
             )
+        if not blank.any():
+            return
         trailing = int(np.argmin(blank[::-1]))
         inner = int(blank.sum()) - trailing
         self.keep(~blank)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from diffthrust._support._running.pool import WorkerPool, as_done, processors
 from diffthrust._support._running.process import Worker
 from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust._support.files import PathLike, plain
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.report import Report
@@ -121,6 +122,8 @@ def campaign(
 ) -> Campaign:
     """Fit, diagnose or sample every spec found, in parallel, and collect the results in a table.
 
+    The table takes ``pip install 'diffthrust[parquet]'``.
+
     Each spec gets a folder under ``output`` with its result (``fit.json``, ``diagnosis.json`` or
     ``posterior.json``) and a ``status.json``; ``campaign.parquet`` has a row for each spec, also
     for failures, with the error and its mend. Folders and table are written atomically. Run again,
@@ -169,6 +172,8 @@ def campaign(
     options = {name: plain(value) for name, value in options.items() if value is not None}
     check_task(task, options)
     _check(executor, jobs, time_limit)
+    with extra("parquet", "The table of a campaign"):
+        import pyarrow  # noqa: F401
     out = Path(os.path.abspath(output))
     places = trusted_folders(trust)
     work = [
@@ -300,13 +305,8 @@ def row_of(future: Future[ResultRow], job: Job) -> ResultRow:
 
 @contextmanager
 def _dask(address: str) -> Iterator[Executor]:
-    try:
+    with extra("dask", f"executor: the Dask cluster at {address!r}"):
         from distributed import Client
-    except ImportError:
-        raise InputError(
-            f"executor: {address!r} is the address of a Dask cluster, and Dask is not installed.",
-            "Install it with pip install 'diffthrust[dask]', here and on the workers.",
-        ) from None
     try:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
     except (OSError, ValueError) as error:  # TimeoutError is an OSError

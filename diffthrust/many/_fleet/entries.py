@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust._support.results import Brief
 from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.result import Many, estimates_of, fit_row, named_members
@@ -127,6 +128,8 @@ def _frame(source: Any) -> pd.DataFrame:
         )
     path = Path(source)
     path = path / TABLE if path.is_dir() else path
+    with extra("parquet", "The table of a campaign"):
+        import pyarrow  # noqa: F401
     try:
         return pd.read_parquet(path)
     except Exception as error:  # a damaged file raises exceptions of any kind

@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust._support._running.batching import run_program
 from diffthrust._support._running.programs import program
-from diffthrust._support.errors import InputError
+from diffthrust._support.extras import extra
 from diffthrust._support.progress import Progress
 from diffthrust.uncertainty._sampling.ensemble import Chains
 from diffthrust.uncertainty._sampling.posterior import DensityShape, Posterior, log_density
@@ -235,10 +235,5 @@ def run_nuts(posterior: Posterior, progress: Progress, **sizes: int) -> Chains:
 
 def available(what: str = "method='nuts'", instead: str = "sample with method='emcee'") -> None:
     """Raise `InputError` if BlackJAX is not installed, naming an alternative."""
-    try:
+    with extra("nuts", what, instead):
         import blackjax  # noqa: F401
-    except ImportError:
-        raise InputError(
-            f"{what} needs BlackJAX, which is not installed.",
-            f"Run: pip install 'diffthrust[nuts]', or {instead}.",
-        ) from None
