@@ -26,6 +26,8 @@ def extra(name: str, what: str, instead: str = "") -> Iterator[None]:
         yield
     except ImportError as error:
         library = (error.name or "a library").partition(".")[0]
+        if library == "diffthrust":  # a defect of ours
+            raise
         mend = f"Install the extra: python -m pip install 'diffthrust[{name}]'"
         raise InputError(
             f"{what} needs {library}, which cannot be imported ({error}).",

@@ -332,10 +332,10 @@ def proposal(
     """The test, within limits of the inputs, that would separate the first group of several.
 
     First the groups of the added effects, one after the other; then the model as it is against each
-    effect that is possible.
+    effect that is possible. Not against a constant: freed, it does what the one that is held does.
     """
     fitter, last = context.fitter, search.state.stages[-1]
-    pairs = [(None, name) for name in possible]
+    pairs = [(None, name) for name in possible if name in fitter.candidates]
     for group in (*search.groups, *pairs):
         if len(group) < 2:
             continue

@@ -302,8 +302,9 @@ class Findings(Selection, Assessment):
         left: those of the last stage, where structure remains beside the effects that were added.
         laws: what no known effect expresses, learned as curves, or as terms of states that are
             not measured.
-        possible: where the verdict is "undecided" or "unexplained", effects that would lower the
-            errors over whole runs although one-step errors do not ask for them, with their worth.
+        possible: where the verdict is "undecided" or "unexplained", effects and constants that
+            would lower the errors over whole runs although one-step errors do not ask for them,
+            with their worth.
         experiment: the test that would best separate the first group of several, or else show a
             possible effect, if there is one.
         seconds: time spent, by part of the work.

@@ -78,9 +78,9 @@ def with_proven(
         return state
     context.say("fitting pairs of effects to whole runs", state.share(0.8))
     with context.clock("pairs"):
-        singles, detectable = trials.singles, state.detectable
-        effects = context.fitter.candidates.keys() - {*detectable}
-        new = {name: trial for name, trial in singles.items() if name in effects}
+        singles, constants = trials.singles, context.fitter.constants
+        apart = {*state.detectable, *constants}
+        new = {name: trial for name, trial in singles.items() if name not in apart}
         fitted = _fitted_pairs(context, state, trials, new)
         fitted = fitted[: SETTINGS.pairs.most_fitted]
         ended = []
@@ -92,7 +92,9 @@ def with_proven(
             further = _proven_ahead(context, state, fitted[0], ended[0], ahead)
             if further:
                 return further
-        refitted = {name: _refitted(context, state, singles[name]) for name in lowering[:1]}
+        # a constant, which may absorb any error, is not proven by whole runs alone
+        best = [name for name in lowering if name not in constants][:1]
+        refitted = {name: _refitted(context, state, singles[name]) for name in best}
         for name, stage in refitted.items():
             if _is_proven_alone(state.stages[-1], stage):
                 return _added(context, state, Proven((name,), (stage,)))

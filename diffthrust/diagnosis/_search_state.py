@@ -266,7 +266,7 @@ class SearchState:
         silent: effects without a predicted gain at some stage.
         detectable: effects of the current model without a stage: they do not matter over whole
             runs, and are kept so that their evidence is not attributed to other effects.
-        possible: effects that only whole runs support, with their explained share.
+        possible: effects and constants that only whole runs support, with their explained share.
         beside: what each effect does to whole runs beside all others, once the search has ended.
         trials: fits to whole runs beside the last stage, if there are any.
         visited: what was accepted after each step before.

@@ -162,7 +162,8 @@ class WholeRuns:
     Origin: the tenth that the bench allows a learned law. Lower: noise decides between names.
     Higher: wrong names are offered, and a law that is behind is fitted on."""
     most_possible: int = 4
-    """The number of effects supported by whole runs alone that are tried again, and listed.
+    """The number of effects, and of constants, that whole runs alone support and that are tried
+    again and listed.
     Origin: chosen, a list to plan a test by. Lower: the right one may be missing. Higher: more
     trials that random forces win."""
     mending_share: float = 0.1

@@ -269,11 +269,18 @@ def _trials(context: SearchContext, state: SearchState) -> SimulationTrials:
 
 
 def _lowering(runs: Runs, base: TrialFit, singles: Mapping[str, TrialFit]) -> dict[str, Worth]:
-    """What effects remove that surely lower the errors of whole runs, best first."""
+    """What candidates remove that surely lower the errors of whole runs, best first.
+
+    As many constants as effects: these must not be displaced by those that absorb any error.
+    """
     worths = {name: share_between(runs.fitter, base, trial) for name, trial in singles.items()}
     best = sorted((n for n in singles if worths[n].sure), key=lambda n: -worths[n].share)
-    most = SETTINGS.whole_runs.most_possible
-    return {name: worths[name] for name in best[:most]}
+    most, constants = SETTINGS.whole_runs.most_possible, runs.fitter.constants
+    kept = {
+        *[n for n in best if n in constants][:most],
+        *[n for n in best if n not in constants][:most],
+    }
+    return {name: worths[name] for name in best if name in kept}
 
 
 def _multistart_fit(

@@ -77,19 +77,17 @@ def with_runaways(fit: Fit, runs: Sequence[Run], *, doubts: bool) -> Fit:
             added.append(_doubt_on(name, shared, fit, runs))
             doubted.update(shared)
     pointer = f" But {joined(far)} ran very far from the first guess: look at the doubts."
-    doubts_of_all = Later(lambda: (*others, *_beside(others, added)))
-    return replace(fit, message=fit.message + pointer, doubts=doubts_of_all)
+    together = Later(lambda: _beside(others, added))
+    return replace(fit, message=fit.message + pointer, doubts=together)
 
 
-def _beside(others: Sequence[Doubt], runaways: Sequence[Doubt]) -> Iterator[Doubt]:
-    """Doubts on parameters beside those on channels: where one moves against the others, first it.
+def _beside(others: Sequence[Doubt], runaways: Sequence[Doubt]) -> Sequence[Doubt]:
+    """All doubts; those on parameters only where no channel moves against the others.
 
-    With its two sides exchanged a boat's fit ended at thrusts of 1e-14 and 7e15, where no fit is to
-    begin.
+    With two of eight commands exchanged an inertia ran to 1e6 kg m^2: it is to be fitted again, not
+    to be held.
     """
-    contrary = joined(dict.fromkeys(doubt.channel for doubt in others if doubt.contrary))
-    for doubt in runaways:
-        yield replace(doubt, mend=f"mend {contrary} first, then fit again.") if contrary else doubt
+    return others if any(doubt.contrary for doubt in others) else (*others, *runaways)
 
 
 def _doubt_on(name: str, shared: Sequence[str], fit: Fit, runs: Sequence[Run]) -> Doubt:

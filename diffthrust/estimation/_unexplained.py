@@ -44,10 +44,12 @@ def doubts_about(
     these ends at gains of 1e-14 and 7e15.
     """
     wired = (*wiring_doubts(given, runs),)
-    # errors of exchanged commands go with the slopes as well: of eight thrusters with two of them
-    # exchanged the heading "came late by a varying time", too
-    late = () if wired else late_readings(runs)
-    doubts = (*_turning(model, runs), *wired, *late, *doubts_of(logs, model))
+    turning, on_logs = (*_turning(model, runs),), doubts_of(logs, model)
+    if wired:
+        # their errors look like more: of eight thrusters with two of them exchanged the heading
+        # "came late by a varying time", too, or the position did not move as the model's does
+        return (*turning, *wired, *on_logs)
+    doubts = (*turning, *late_readings(runs), *on_logs)
     return (*doubts, *silent_doubts(little, doubts, model, runs))
 
 

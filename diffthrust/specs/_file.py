@@ -181,10 +181,12 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     loc = tuple(p for p in problem["loc"] if not str(p).startswith("function-"))
     # Below the second level, since a channel or a parameter may itself be called "float".
     loc = tuple(p for k, p in enumerate(loc) if k < 2 or p not in members)
-    where = line_of(text, file, loc)
+    # in the file the tables of thrusters stand below [thrusters] itself
+    written = (*loc[:1], *loc[2:]) if loc[:2] == ("thrusters", "each") else loc
+    where = line_of(text, file, written)
     parent, key = loc[:-1], str(loc[-1]) if loc else ""
     also = f" ({more} more after this one.)" if more else ""
-    table = f"[{'.'.join(map(str, parent))}]" if parent else "the top of the file"
+    table = f"[{'.'.join(map(str, written[:-1]))}]" if parent else "the top of the file"
     if problem["type"] == "extra_forbidden":
         keys = _keys(parent)
         quantity = key == "unit" and parent[:1] == ("parameters",)
@@ -209,11 +211,14 @@ def _refusal(problem: Mapping[str, Any], text: str, file: Path | str, more: int)
     if problem["type"] == "too_short":
         message = f"at least {problem['ctx']['min_length']} entry"
     message = re.sub(r" or instance of \w+$", "", message)
-    path = ".".join(map(str, loc))
+    path = ".".join(map(str, written))
     mend = f"Correct {path}."
     if problem["type"] == "model_type":
         needed = [f"{name} = ..." for name in _keys(loc, needed=True)]
-        mend = f"Write the table [{path}] with {', '.join(needed) or listing(_keys(loc))}."
+        keys = ", ".join(needed) or listing(_keys(loc))
+        mend = f"Write the table [{path}] with {keys}."
+        if isinstance(loc[-1], int):  # one of a list
+            mend = f"Write {{ {keys} }} in its place."
     return InputError(
         f"{where}: expected {message[:1].lower()}{message[1:]}, found "
         f"{short_repr(problem['input'])}.{also}",

@@ -81,7 +81,8 @@ def workflow_place(directory: Path | str) -> tuple[Path, str]:
     if path.exists():
         raise InputError(
             f"{path}: expected no workflow of that name, found one; nothing is overwritten.",
-            f"Add the step to it yourself: diffthrust check {name} --junit fits.xml.",
+            "Add the step to it yourself, with the extra 'junit' installed: diffthrust check "
+            f"{name} --junit fits.xml.",
         )
     return path, name
 

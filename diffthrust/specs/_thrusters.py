@@ -91,11 +91,16 @@ def place_of(file: SpecFile, channel: str, key: str) -> tuple[str, ...]:
         return ("logs", channel, key)
     thruster, thrusters = channel.rpartition(".")[0], file.thrusters
     column = file.channels[channel].column
-    if thrusters and column in thrusters.columns:
+    if thrusters is None:
+        return ("channels", channel, key)
+    if column in thrusters.columns:
         return ("thrusters", "columns" if key == "column" else key)
-    if thrusters and thruster in thrusters.each and column == thrusters.each[thruster].input:
-        return ("thrusters", thruster, "input" if key == "column" else key)
-    return ("channels", channel, key)
+    part = thrusters.each.get(thruster)
+    if part is None or part.input != column:
+        return ("channels", channel, key)
+    if key == "column":
+        return ("thrusters", thruster, "input")
+    return ("thrusters", thruster, key) if getattr(part, key) else ("thrusters", key)
 
 
 def craft_from(path: Path | str) -> Craft:

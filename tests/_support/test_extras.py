@@ -3,6 +3,7 @@
 import sys
 
 import numpy as np
+import pandas as pd  # before a case hides what it may work with
 import pytest
 
 import diffthrust as dft
@@ -54,7 +55,8 @@ def test_it_is_named_before_any_work(tmp_path, monkeypatch, library, extra, aske
 def test_a_table_of_text_needs_none(tmp_path, monkeypatch):
     for library, *_ in CASES.values():
         monkeypatch.setitem(sys.modules, library, None)
-    rows = np.c_[np.arange(4.0), np.ones(4), np.arange(4.0)]
-    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="time,u,y", comments="")
+    count = 200_000  # enough to be read by pandas
+    frame = pd.DataFrame({"time": 0.1 * np.arange(count), "u": 1.0, "y": np.arange(count)})
+    frame.to_csv(tmp_path / "run.csv", index=False)
     log = dft.read_log(tmp_path / "run.csv", inputs={"u": "u"}, measured={"y": "y"})
-    assert log.measured["y"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert log.measured["y"][-1] == count - 1

@@ -108,6 +108,8 @@ def test_effects_are_listed_with_parameters_and_units():
         "actuator_lag",
         "time_constant [s]",
         "drive",
+        "craft (planar)",
+        "rudder_propeller",
     ):
         assert word in text
 

@@ -54,6 +54,8 @@ class Trial:
 class Fitter:
     """Fits that end where they begin."""
 
+    constants: tuple[str, ...] = ("arm",)
+
     def settled(self, effects, values, initial, clip):
         return Trial(effects, values)
 
@@ -188,6 +190,8 @@ def test_where_no_pair_is_proven_the_best_single_is_added_if_it_is(searched):
     refuted, fitted = searched({("a",): 0.8, ("b",): 0.5}, lowering=("a", "b"))
     assert [stage.effects for stage in refuted.stages] == [()]
     assert fitted == [("a",)]
+    beside, _ = searched({("arm",): 0.3, ("a",): 0.6}, lowering=("arm", "a"))
+    assert [stage.effects for stage in beside.stages] == [(), ("a",)]  # no constant alone
 
 
 @pytest.mark.parametrize("why", [{"unseen": ()}, {"doubted": True}])

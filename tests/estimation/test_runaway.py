@@ -124,8 +124,7 @@ def test_a_parameter_at_a_thousand_times_its_start_is_doubted_however_well_it_fi
     beside = with_runaways(
         replace(fit, doubts=(turned,)), dft.compare(fit, millimetres).runs, doubts=True
     )
-    assert beside.doubts[0] == turned
-    assert beside.doubts[1].mend == "mend target first, then fit again."
+    assert tuple(beside.doubts) == (turned,)
 
 
 def test_a_converged_fit_that_explains_less_than_a_fifth_of_a_channel_is_doubted():

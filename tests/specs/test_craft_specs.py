@@ -119,6 +119,12 @@ def test_mistakes_are_named_with_their_mend(folder, old, new, message):
             r"RCOU\.C33.*in fit\.toml, line 13, thrusters\.starboard\.input",
         ),
         ("stop = 1500, ", "stop = 1500, ful = 1, ", r"line 6, thrusters\.pwm\.ful"),
+        ("pwm = { stop = 1500, full = 1900 }", 'unit = "banana"', r"line 6, thrusters\.unit"),
+        (
+            "[thrusters.port]\n",
+            "[thrusters.port]\npwm = [1500, 1900]\n",
+            r"line 8, thrusters\.port\.pwm: expected a table.*\n.*\[thrusters\.port\.pwm\] with",
+        ),
         (
             "[thrusters.port]\n",
             '[thrusters.port]\nunit = "kgf"\n',

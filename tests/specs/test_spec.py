@@ -114,6 +114,15 @@ def test_short_forms(folder):
     assert load(folder, text).file.logs.time is not None
 
 
+def test_a_table_that_was_written_as_something_else_is_shown(folder):
+    text = 'model = "thruster"\nlogs = ["run1.csv"]\n[channels]\ncommand = "u"\nspeed = "rpm"\n'
+    message = refused(folder, text)
+    assert "line 2, logs: expected a table, found ['run1.csv']" in message
+    assert "Mend: Write the table [logs] with train = ...." in message
+    text = text.replace('["run1.csv"]', '{ train = "run1.csv", leave_out = ["run1.csv"] }')
+    assert "Write { log = ..., start = ..., stop = ... } in its place." in refused(folder, text)
+
+
 def test_globs_are_sorted_and_counted_once(folder):
     spec = load(folder, swap('["run1.csv"]', '["run1*", "o*.csv", "other.csv"]'))
     assert [p.name for p in spec.train] == ["run1.csv", "other.csv"]

@@ -18,6 +18,7 @@ from diffthrust.diagnosis._findings import Findings
 from diffthrust.diagnosis._report.text import (
     amount,
     an_effect,
+    candidate_words,
     change_words,
     errors_of,
     leading,
@@ -172,7 +173,7 @@ def _detectable_words(diag: Findings) -> list[str]:
 
 def _left_out(diag: Findings, name: str, *rivals: str) -> str:
     """An effect that is only detectable, what it does to whole runs, and what it may be as well."""
-    alike = joined(map(an_effect, rivals), "or")
+    alike = joined([candidate_words(diag, rival) for rival in rivals], "or")
     words = [
         _detectable_share(diag, name),
         f"the next {sample_word(diag)} cannot tell it from {alike}" * bool(rivals),
