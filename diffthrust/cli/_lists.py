@@ -27,7 +27,7 @@ def effects_command() -> None:
         from diffthrust.specs._thrusters import model_of
 
         models = {name: model_of(name) for name in (*MODELS, *ACTUATORS)}
-        models = {**models, "vessel (twin)": Vessel(drive="twin")}
+        models["vessel (twin)"] = Vessel(drive="twin")
         # its thrusters' effects are listed with the thrusters
         models |= {f"craft ({name})": Craft(body()) for name, body in BODIES.items()}
         report = catalogue_report(catalogue().values(), models)

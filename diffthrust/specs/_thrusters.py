@@ -91,7 +91,7 @@ def place_of(file: SpecFile, channel: str, key: str) -> tuple[str, ...]:
         return ("logs", channel, key)
     thruster, thrusters = channel.rpartition(".")[0], file.thrusters
     column = file.channels[channel].column
-    if thrusters is None:
+    if thrusters is None or not thruster:
         return ("channels", channel, key)
     if column in thrusters.columns:
         return ("thrusters", "columns" if key == "column" else key)

@@ -184,9 +184,8 @@ def times_of_day(stamps: np.ndarray) -> np.ndarray | None:
     goes by. Read as seconds, the clock of a SWAMP leaps by 40 s there.
     """
     few = stamps[:: max(1, stamps.size // _FEW)]
-    if np.any(
-        few[np.isfinite(few)] % 100 >= 60
-    ):  # most clocks, at a hundredth of what the whole column takes
+    # ends most clocks: of a million stamps all of them took 0.12 s, a quarter of a reading
+    if np.any(few[np.isfinite(few)] % 100 >= 60):
         return None
     finite = stamps[np.isfinite(stamps)]
     if finite.size < 2 or finite.min() < 0 or finite.max() >= 240_000 or np.ptp(finite) < 100:
