@@ -305,7 +305,7 @@ def row_of(future: Future[ResultRow], job: Job) -> ResultRow:
 
 @contextmanager
 def _dask(address: str) -> Iterator[Executor]:
-    with extra("dask", f"executor: the Dask cluster at {address!r}"):
+    with extra("dask", f"executor: the Dask cluster at {address!r}, here and on its workers,"):
         from distributed import Client
     try:
         client = Client(address, timeout=_CONNECT, set_as_default=False)
