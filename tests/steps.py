@@ -167,6 +167,7 @@ from diffthrust.diagnosis._report.sections import (  # private: sentences alone,
 )
 from diffthrust.diagnosis._report.summary import (  # private: which error it tells
     channel_that_counts,
+    raised_channel,
 )
 from diffthrust.diagnosis._report.tables import log_rows, worth_rows  # private: its cells
 from diffthrust.diagnosis._report.text import (  # private: each sentence alone

@@ -69,10 +69,13 @@ def _counted(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
         yield f"added {diag.added}"
 
 
-@claim(rf"Found (?P<place>(?:in|at) [^:\n]+): a (?P<kind>factor|term) that (?P<what>[^\n]+?)"
+@claim(rf"(?P<label>Found|Perhaps) (?P<place>(?:in|at) [^:\n]+): "
+       rf"a (?P<kind>factor|term) that (?P<what>[^\n]+?)"
        rf"(?:, (?:up to )?(?P<reach>{NUMBER}) (?P<unit>% (?:less|more)|[^,\n]+?))?"
        rf"(?:, valid from (?P<low>{NUMBER}) to (?P<high>{NUMBER})(?: [^,\n]+?)?)?\.")  # fmt: skip
 def _law(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    if (m["label"] == "Perhaps") != is_provisional(diag):
+        yield f"its fit: {last_fit(diag).status.value}"
     laws = [law for law in diag.laws if (law.manner == "scales") == (m["kind"] == "factor")
             or law.form]  # fmt: skip
     if not laws:
@@ -253,6 +256,26 @@ def _falls(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
                 return
             if not is_said(number, simulated, 2 * SIMULATED):
                 yield f"{channel}: {number} is {simulated:.4g} by an independent simulation"
+
+
+@claim(rf"But the (?P<channel>[a-zA-Z ]+?) error rises"
+       rf"(?: to (?P<size>{NUMBER}) (?P<unit>[^\n]+?))?\.")  # fmt: skip
+def _raised(m: re.Match, diag: Any, page: Page | None) -> Iterator[str]:
+    """It does, on the logs of the errors that are told, and no channel rises more."""
+    channel = m["channel"].replace(" ", "_")
+    errors = [f.holdout or f.train for f in (diag.stages[0].fit, last_fit(diag))]
+    first, last = (e.channels[channel].per * e.channels[channel].rmse for e in errors)
+    if not last > 1.04 * first:
+        yield f"{channel}: from {first:.4g} to {last:.4g}"
+    rises = {
+        c: errors[1].channels[c].nrmse ** 2 - e.nrmse**2 for c, e in errors[0].channels.items()
+    }
+    if rises[channel] < max(rises.values()):
+        yield f"the error of another channel rises more: {rises}"
+    if m["size"] and not is_said(m["size"], last, SIMULATED):
+        yield f"{channel}: {m['size']} is {last:.4g}"
+    if m["unit"] and m["unit"] != errors[0].channels[channel].shown.unit:
+        yield f"it is in {errors[0].channels[channel].shown.unit}"
 
 
 @claim(rf"Error on (?P<logs>{LOGS}): (?P<list>[a-zA-Z ]+ (?:{NUMBER}|inf|nan)[^\n]*)\.")

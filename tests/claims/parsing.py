@@ -141,5 +141,9 @@ def last_fit(diag: Any) -> Any:
 def is_provisional(diag: Any) -> bool:
     """Whether the fit that is copied did not end, or errs no less than constants would."""
     fit = last_fit(diag)
-    blind = all(not error_of(diag.judged, name)[1] < 1.0 for name in diag.judged.errors.channels)
+    learned = (fit.holdout or fit.train).channels
+    is_of_law = diag.laws and diag.apart is None
+    sizes = [learned[name].nrmse if is_of_law else error_of(diag.judged, name)[1]
+             for name in diag.judged.errors.channels]  # fmt: skip
+    blind = all(not size < 1.0 for size in sizes)
     return blind or fit.status.value in ("not_converged", "simulation_failed")

@@ -23,6 +23,7 @@ from steps import (
     channel_that_counts,
     effect_words,
     figures_in,
+    raised_channel,
     within_budget,
     words_in,
 )
@@ -404,6 +405,29 @@ def test_a_channel_that_nothing_explains_is_not_the_one_that_is_told():
     assert channel_that_counts(before, errors(sway=0.9, yaw_rate=0.42)) == "sway"
 
 
+@pytest.mark.parametrize(
+    ("after", "rises"),
+    [
+        ({"surge": 0.87, "yaw_rate": 0.73, "heading": 1.7}, "heading"),
+        ({"surge": 0.87, "yaw_rate": 1.3, "heading": 1.7}, "heading"),  # that rises most
+        ({"surge": 0.30, "yaw_rate": 0.84, "heading": 1.1}, ""),  # by 0.11, where 1.3 fell
+        ({"surge": 0.87, "yaw_rate": 0.73, "heading": 1.14}, ""),  # by 7 % of what it was
+        ({"surge": 1.5, "yaw_rate": 0.9, "heading": 1.2}, "surge"),
+        ({"surge": np.inf, "yaw_rate": 0.5, "heading": np.nan}, ""),
+        ({"surge": 1.5}, ""),
+    ],
+)
+def test_a_rise_counts_beside_what_falls(after, rises):
+    """An Otter's surge, yaw rate and heading err by these of their spreads."""
+
+    def errors(sizes):
+        return SimpleNamespace(channels={n: SimpleNamespace(nrmse=s) for n, s in sizes.items()})
+
+    before = {"surge": 1.16, "yaw_rate": 0.77, "heading": 1.1}
+    before = {name: before[name] for name in after}
+    assert raised_channel(errors(before), errors(after)) == rises
+
+
 def test_what_is_left_of_an_error_that_is_told_has_its_size_there():
     """ "Unexplained: position; repeat one run" did not say how much was unexplained."""
     found = made.found()
@@ -414,6 +438,28 @@ def test_what_is_left_of_an_error_that_is_told_has_its_size_there():
     ]
     other = replace(found, one_step={"speed": 1e-3}).summary.splitlines()
     assert "Unexplained: speed off by 0.30 rad/s; repeat one run." in other
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"),
+    [
+        (3.0, ["But the speed error rises to 17 rad/s."]),
+        (1.04, []),  # by 8 % of its square
+        (0.5, []),
+    ],
+)
+def test_a_channel_that_errs_more_with_what_was_found_is_told(speed, said):
+    """Of an Otter the answer told a surge error that fell, and no heading error that rose."""
+    found = made.found()
+    errors, first = found.fit.holdout, found.stages[0].fit.holdout.channels["speed"]
+    rising = replace(first, rmse=speed * first.rmse, nrmse=speed * first.nrmse)
+    changed = replace(errors, channels={**errors.channels, "speed": rising})
+    diag = made.with_fit(found, holdout=changed)
+    lines = diag.summary.splitlines()
+    assert [line for line in lines if "rises" in line] == said
+    assert F in lines
+    contradictions = claims.contradictions(diag, text="\n".join([F, *said]))
+    assert contradictions == []
 
 
 TEXTS = st.lists(
@@ -538,6 +584,31 @@ def test_a_curve_has_a_size_where_no_parameter_of_the_model_takes_it_up(monkeypa
     monkeypatch.setattr(LearnedLaw, "drawn", lambda law: drawn)
     summary = with_law(made.unexplained(), samples=place).summary
     assert ("up to 3.0 rad/s^2" in summary) is told
+
+
+@pytest.mark.parametrize(
+    ("status", "unseen", "label"),
+    [
+        (dft.Status.CONVERGED, 0.3, "Found"),
+        (dft.Status.NOT_CONVERGED, 0.3, "Perhaps"),
+        (dft.Status.CONVERGED, 1.1, "Perhaps"),
+    ],
+)
+def test_a_law_is_found_by_a_fit_that_ended_and_follows_a_channel(status, unseen, label):
+    """Whatever the model as given did: it may lack what makes it follow."""
+    diag = with_law(made.unexplained())
+    errors = diag.stages[-1].fit.holdout
+    blind = {name: replace(e, nrmse=1.4) for name, e in errors.channels.items()}
+    diag = made.with_fit(diag, holdout=replace(errors, channels=blind))
+    fit = diag.laws[0].fit
+    channels = {n: replace(e, nrmse=unseen) for n, e in fit.holdout.channels.items()}
+    fit = replace(fit, status=status, holdout=replace(fit.holdout, channels=channels))
+    diag = replace(diag, laws=(replace(diag.laws[0], fit=fit),))
+    line = next(line for line in diag.summary.splitlines() if " in the drive: a term" in line)
+    assert line.startswith(label)
+    assert claims.contradictions(diag, text=line) == []
+    other = {"Found": "Perhaps", "Perhaps": "Found"}[label]
+    assert claims.contradictions(diag, text=line.replace(label, other)) != []
 
 
 def test_a_notebook_shows_the_answer_and_folds_the_rest():

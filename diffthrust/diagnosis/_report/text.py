@@ -201,13 +201,22 @@ def copied_fit(diag: Findings) -> Fit:
     return diag.laws[-1].reported if diag.laws else diag.fit
 
 
+def last_errors(diag: Findings) -> Errors:
+    """With all that was found, over whole runs of the logs that count."""
+    if diag.laws:
+        return copied_fit(diag).holdout or copied_fit(diag).train
+    return judged_errors(diag)[1]
+
+
 def provisional(diag: Findings) -> bool:
-    """Whether effects rest on a fit that did not end, or that follows no channel at all.
+    """Whether what was found rests on a fit that did not end, or that follows no channel at all.
 
     An Otter's thruster had its "zero off by -493 rpm" by a fit that did not converge; least squares
     put it at -37.
     """
-    blind = all(not e.nrmse < 1.0 for e in judged_errors(diag)[1].channels.values())
+    # those with a law are of all logs, the odd ones among them
+    errors = last_errors(diag) if diag.apart is None else judged_errors(diag)[1]
+    blind = all(not e.nrmse < 1.0 for e in errors.channels.values())
     return blind or copied_fit(diag).status in (Status.NOT_CONVERGED, Status.SIMULATION_FAILED)
 
 
