@@ -187,6 +187,7 @@ from diffthrust.diagnosis._residual_structure import (  # private: the basis of 
 )
 from diffthrust.diagnosis._score_test import project_out, score_test  # private: the test alone
 from diffthrust.diagnosis._screening import (  # private: the screen alone
+    continued_beside,
     fitted_from_fallback,
     is_at_null,
     levels_of,

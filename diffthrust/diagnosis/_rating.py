@@ -13,7 +13,7 @@ from diffthrust.diagnosis._candidates import of_effect
 from diffthrust.diagnosis._criteria import criterion, price_of, simulation_errors, unseen_gain
 from diffthrust.diagnosis._findings import TriedEffect
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._screening import is_at_null, levels_of, screened
+from diffthrust.diagnosis._screening import continued_beside, is_at_null, levels_of, screened
 from diffthrust.diagnosis._search_state import CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate, shown_unit
@@ -42,14 +42,19 @@ class Tried(NamedTuple):
 
 
 def screen(context: SearchContext, state: SearchState) -> tuple[SearchState, list[Tried]]:
-    """Try all candidates that are not in the model; the promising ones come rated, best first."""
+    """Try the candidates that are not in the model; the promising ones come rated, best first."""
     fitter, present = context.fitter, state.current.trial
-    names = [n for n in (*fitter.candidates, *fitter.constants) if n not in present.effects]
+    candidates = state.gained or (*fitter.candidates, *fitter.constants)
+    names = [n for n in candidates if n not in present.effects]
     stage = f"stage {state.number + 1}"
     context.say(f"{stage}: trying {len(names)} candidates", state.share(0.0))
     promising, untestable = [], dict(state.untestable)
-    levels, fallback = levels_of(fitter, present), other_values(context, state)
-    for name, trial in screened(fitter, names, present, levels, fallback).items():
+    if state.gained:
+        fitted = continued_beside(fitter, present, {n: state.gained[n] for n in names})
+    else:
+        levels, fallback = levels_of(fitter, present), other_values(context, state)
+        fitted = screened(fitter, names, present, levels, fallback)
+    for name, trial in fitted.items():
         # with a gain as large as this the other parameters have not replaced the effect
         gains = present.cost - trial.cost > SETTINGS.admission.plain_bic_gain
         why = "" if gains else why_untestable(trial.quadratic, trial.names, name)

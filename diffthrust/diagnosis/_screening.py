@@ -76,17 +76,33 @@ def screened(
 
     def fitted(name: str) -> TrialFit | None:
         if name in fitter.constants:
-            effects = (*present.effects, name)
-            best = fitter.solve(
-                effects, present.values, present.initial_states, present.clip, _FIRST_STEPS
-            )
-        else:
-            best = _effect_fit(fitter, name, present, promised[name], points[name][1], fallback)
-        early = SETTINGS.screening.least_early_gain
-        return best if best and 2 * (present.cost - best.expected) > early else None
+            return _begun_at(fitter, name, present, {})
+        return _effect_fit(fitter, name, present, promised[name], points[name][1], fallback)
 
+    return _gaining(present, names, fitted)
+
+
+def continued_beside(
+    fitter: CandidateFitter, present: TrialFit, sizes: Mapping[str, Point]
+) -> dict[str, TrialFit]:
+    """As `screened`, of candidates that were fitted before, from their sizes there alone."""
+    if sizes:
+        fitter.ready(present.effects, [*sizes])
+    return _gaining(present, [*sizes], lambda name: _begun_at(fitter, name, present, sizes[name]))
+
+
+def _begun_at(fitter: CandidateFitter, name: str, present: TrialFit, point: Point) -> TrialFit:
+    effects, values = (*present.effects, name), {**present.values, **point}
+    return fitter.solve(effects, values, present.initial_states, present.clip, _FIRST_STEPS)
+
+
+def _gaining(
+    present: TrialFit, names: Sequence[str], fitted: Callable[[str], TrialFit | None]
+) -> dict[str, TrialFit]:
+    """The fits of some candidates, without those that gain too little in a few steps."""
     ends = zip(names, side_by_side(fitted, names), strict=True)
-    return {name: trial for name, trial in ends if trial is not None}
+    least = SETTINGS.screening.least_early_gain
+    return {n: end for n, end in ends if end and 2 * (present.cost - end.expected) > least}
 
 
 def _effect_fit(

@@ -269,6 +269,9 @@ class SearchState:
         possible: effects and constants that only whole runs support, with their explained share.
         beside: what each effect does to whole runs beside all others, once the search has ended.
         trials: fits to whole runs beside the last stage, if there are any.
+        gained: the candidates of the next screen, where something only detectable was added: those
+            that gained beside what was there before, with their values there. All where it is
+            empty.
         visited: what was accepted after each step before.
         exhausted: the last step added nothing new, which ends the search.
     """
@@ -286,6 +289,7 @@ class SearchState:
     possible: Mapping[str, Worth] = field(default_factory=dict)
     beside: Mapping[str, Worth] = field(default_factory=dict)
     trials: SimulationTrials | None = None
+    gained: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     visited: Collection[Accepted] = frozenset()
     exhausted: bool = False
 

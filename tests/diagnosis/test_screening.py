@@ -12,6 +12,7 @@ from steps import (
     CandidateFitter,
     Programs,
     bind,
+    continued_beside,
     edge_of,
     fitted_from_fallback,
     is_at_null,
@@ -119,6 +120,18 @@ def test_the_screen_leaves_out_what_is_hopeless_and_keeps_what_is_there(trials):
     best = found["coulomb_friction"]
     assert 2 * (base.cost - best.cost) > 50
     assert best.values["coulomb_friction.level"] == pytest.approx(20.0, rel=0.1)
+
+
+def test_what_was_fitted_before_goes_on_from_its_size_there(trials):
+    made, base = trials
+    sizes = {
+        "coulomb_friction": {"coulomb_friction.level": 12.0},
+        "thrust_sensor_offset": {"thrust_sensor_offset.offset": 0.1},
+    }
+    found = continued_beside(made, base, sizes)
+    assert list(found) == ["coulomb_friction"]
+    assert found["coulomb_friction"].values["coulomb_friction.level"] == pytest.approx(20, rel=0.1)
+    assert continued_beside(made, base, {}) == {}
 
 
 def test_what_promises_less_than_is_asked_is_not_fitted(trials):

@@ -224,6 +224,50 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     assert done(replace(state, stages=(GIVEN,) * (most + 1)))
 
 
+@pytest.mark.parametrize(("matters", "last"), [("", ["b c", "c", ""]), ("c", ["b c", ""])])
+def test_beside_several_that_change_nothing_those_that_gained_are_screened_first(
+    monkeypatch, matters, last
+):
+    """Each of a BlueBoat's seven screens was of all 36 candidates, in programs of its own."""
+    gains, screened = {"a": -30.0, "b": -20.0, "c": -10.0, "d": 5.0}, []
+
+    def screen(context, state):
+        screened.append(" ".join(state.gained))
+        present = {*state.detectable, *(state.stages[-1].effects)}
+        names = [name for name in state.gained or gains if name not in present]
+        rated = [SimpleNamespace(effect=n, delta_bic=gains[n], p_value=1.0, stage=0) for n in names]
+        sized = [
+            SimpleNamespace(
+                effects=(n,), values={n: gains[n], "x": 0.0}, parameters_of=lambda n=n: [n]
+            )
+            for n in names
+        ]
+        assert all(of == {name: gains[name]} for name, of in state.gained.items())
+        return state, list(zip(rated, sized, strict=True))
+
+    def admit(context, state, tried):
+        name = tried.candidate.effect
+        if name == matters:
+            stage = SimpleNamespace(effects=(name,))
+            return replace(state, stages=(*state.stages, stage))
+        return replace(state, detectable=(*state.detectable, name))
+
+    for name, stand_in in {"screen": screen, "admit": admit}.items():
+        monkeypatch.setattr(f"{STEPWISE}.{name}", stand_in)
+    monkeypatch.setattr(f"{STEPWISE}.from_simulation", lambda _, state: state)
+    monkeypatch.setattr(f"{STEPWISE}.runs_lead", lambda _: False)
+    fitter = SimpleNamespace(least_gain=4.0)
+    context = SimpleNamespace(fitter=fitter, clock=lambda _: nullcontext())
+    current = SimpleNamespace(trial=SimpleNamespace(effects=()))
+    monkeypatch.setattr(f"{STEPWISE}.better_noise", lambda *_: None)
+    state = SearchState(current, (GIVEN,), {})
+    while not done(state):
+        state = step(context, state)
+    # beside the first of them all are screened again
+    assert screened == ["", "", *last]
+    assert state.detectable == tuple(name for name in "abc" if name != matters)
+
+
 @pytest.mark.parametrize(
     ("name", "low", "unseen"),
     [("sag", 0.2, ("C",)), ("sag", 0.05, ("C",)), ("sag", 0.2, ()), ("lag", 0.05, ())],
