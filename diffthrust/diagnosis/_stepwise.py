@@ -142,7 +142,8 @@ def one_round(context: SearchContext, state: SearchState, rescreen: bool) -> Sea
         outcome = still_refused(context, state, candidate.effect)
         outcome = outcome or admit(context, state, Tried(candidate, trial))
         if isinstance(outcome, SearchState):
-            return replace(outcome, gained=_sizes_beside(outcome, tried))
+            is_new = outcome.accepted != state.accepted
+            return replace(outcome, gained=_sizes_beside(outcome, tried) if is_new else {})
         state = refusing(state, candidate.effect, outcome)
     return state
 

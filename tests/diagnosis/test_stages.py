@@ -224,9 +224,16 @@ def test_effects_that_change_nothing_do_not_end_a_search(monkeypatch):
     assert done(replace(state, stages=(GIVEN,) * (most + 1)))
 
 
-@pytest.mark.parametrize(("matters", "last"), [("", ["b c", "c", ""]), ("c", ["b c", ""])])
+@pytest.mark.parametrize(
+    ("matters", "superfluous", "last"),
+    [
+        ("", "", ["b c", "c", ""]),
+        ("c", "", ["b c", ""]),
+        ("", "c", ["b c", "", "c", ""]),  # where it proves so once, all are screened again
+    ],
+)
 def test_beside_several_that_change_nothing_those_that_gained_are_screened_first(
-    monkeypatch, matters, last
+    monkeypatch, matters, superfluous, last
 ):
     """Each of a BlueBoat's seven screens was of all 36 candidates, in programs of its own."""
     gains, screened = {"a": -30.0, "b": -20.0, "c": -10.0, "d": 5.0}, []
@@ -247,6 +254,8 @@ def test_beside_several_that_change_nothing_those_that_gained_are_screened_first
 
     def admit(context, state, tried):
         name = tried.candidate.effect
+        if name == superfluous and state.current is current:
+            return replace(state, current=SimpleNamespace(trial=current.trial))
         if name == matters:
             stage = SimpleNamespace(effects=(name,))
             return replace(state, stages=(*state.stages, stage))
