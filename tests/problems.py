@@ -5,6 +5,8 @@ imports are of private names: logs as a search has them, words that become objec
 beside the optimum, searches that stopped early, checks of any point.
 """
 
+# ruff: noqa: F401 (tests take these names from here)
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,7 +41,6 @@ from diffthrust.estimation._origin import Origin, origin_of
 from diffthrust.estimation._rebuild import problem_of
 from diffthrust.estimation._refine import polished, rounding_of
 from diffthrust.estimation._residuals import Innovations, SimulationError
-from diffthrust.estimation._runaway import farthest_runaway
 from diffthrust.estimation._solver import BoundedLevenbergMarquardt, Solved, solve
 from diffthrust.estimation._status import (
     GRADIENT_LIMIT,
@@ -51,69 +52,8 @@ from diffthrust.estimation._status import (
     marginal_spread,
     unstable_advice,
 )
+from diffthrust.estimation._unexplained import farthest_runaway
 from diffthrust.simulation._record import bind
-
-__all__ = [
-    "AR1",
-    "GRADIENT_LIMIT",
-    "LOSSES",
-    "NOISE_MODELS",
-    "RANGE",
-    "RANK_LIMIT",
-    "BoundedLevenbergMarquardt",
-    "Gaps",
-    "Innovations",
-    "Local",
-    "Origin",
-    "Quadratic",
-    "Search",
-    "SimulationError",
-    "Solved",
-    "White",
-    "alive",
-    "all_carried_on",
-    "bind",
-    "build",
-    "carried_on",
-    "compiled",
-    "distinct",
-    "errors_at",
-    "evaluate",
-    "evaluated",
-    "examine",
-    "failed_over",
-    "farthest_runaway",
-    "folds",
-    "gram",
-    "horizons_module",
-    "innovations_of",
-    "insensitive_module",
-    "jacobians",
-    "judge",
-    "least_in_box",
-    "likelihood_module",
-    "likelihood_of",
-    "linked",
-    "marginal_spread",
-    "multistart_module",
-    "noise_levels",
-    "nrmse",
-    "optimum_module",
-    "origin_of",
-    "polished",
-    "problem_of",
-    "refine_module",
-    "restarts",
-    "rounding_of",
-    "solve",
-    "solver_module",
-    "status_module",
-    "unexplained_module",
-    "unstable_advice",
-    "vanished",
-    "vanished_notes",
-    "without",
-]
 
 
 def build(model, logs, **options):

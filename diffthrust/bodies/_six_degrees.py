@@ -1,7 +1,7 @@
 """A body in six degrees of freedom."""
 
 from collections.abc import Collection, Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 
@@ -52,12 +52,12 @@ class SixDegrees(Body):
     """
 
     name = "six_degrees"
-    states: ClassVar[Mapping[str, str]] = _STATES
-    outputs: ClassVar[Mapping[str, str]] = {
+    states = _STATES
+    outputs = {
         **_STATES,
         **dict.fromkeys(("roll", "pitch", "heading"), "rad"),
     }
-    ports: ClassVar[Mapping[str, str]] = {
+    ports = {
         "surge_through_water": "speed through the water along x [m/s]",
         "sway_through_water": "speed through the water along y [m/s]",
         "heave_through_water": "speed through the water along z [m/s]",
@@ -69,11 +69,11 @@ class SixDegrees(Body):
         "pitch_moment": "moment about y through the centre of mass [N m]",
         "yaw_moment": "moment about z through the centre of mass [N m]",
     }
-    angles: ClassVar[tuple[str, ...]] = ("roll", "heading")
-    time_scales: ClassVar[tuple[float, float]] = (0.02, 20.0)
-    horizon: ClassVar[float | None] = 20.0
-    quaternions: ClassVar[tuple[tuple[str, ...], ...]] = (QUATERNION,)
-    start_outputs: ClassVar[tuple[str, ...]] = ("roll", "pitch", "heading")
+    angles = ("roll", "heading")
+    time_scales = (0.02, 20.0)
+    horizon = 20.0
+    quaternions = (QUATERNION,)
+    start_outputs = ("roll", "pitch", "heading")
 
     m11: float = parameter(17.0, "kg", bounds=(0, None), doc="mass in surge")
     m22: float = parameter(24.0, "kg", bounds=(0, None), doc="mass in sway")
@@ -105,7 +105,6 @@ class SixDegrees(Body):
     z_b: float = parameter(0.0, **_PLACE, doc="centre of buoyancy")
 
     def motion(self, s: Signals, port: Ports) -> Six:
-        """All six velocities."""
         u = port("surge_through_water", s.surge)
         v = port("sway_through_water", s.sway)
         w = port("heave_through_water", s.heave)
@@ -132,7 +131,6 @@ class SixDegrees(Body):
         )
 
     def equations(self, s: Signals, port: Ports, water: Six, forces: Six) -> RatesAndOutputs:
-        """Fossen 2021, equation 6.1, about the centre of mass."""
         centre = self._triple("x_g", "y_g", "z_g")
         omega, velocity = water.angular, water.at(centre)
         momentum = _each(self._triple("m11", "m22", "m33"), velocity)

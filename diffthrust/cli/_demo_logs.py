@@ -11,7 +11,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.files import made_folder, write_whole
 from diffthrust.logs._log import Log
 from diffthrust.models import Thruster
-from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._runs import simulate
 
 _STEP = 0.05
 _SAMPLES = 1200

@@ -11,7 +11,7 @@ from diffthrust._support.report import Line, Report, Rows, Section, Styled
 from diffthrust.cli import _session as ui
 
 if TYPE_CHECKING:
-    from diffthrust.datasets._record import DataSet
+    from diffthrust.datasets._fetch import DataSet
     from diffthrust.models._base.effect import Effect
     from diffthrust.models._base.model import Model
 
@@ -22,7 +22,7 @@ def effects_command() -> None:
         from diffthrust.actuators import ACTUATORS
         from diffthrust.bodies import BODIES
         from diffthrust.models import MODELS, Vessel
-        from diffthrust.models._base.registry import catalogue
+        from diffthrust.models._base.effect import catalogue
         from diffthrust.models._craft.craft import Craft
         from diffthrust.specs._thrusters import model_of
 

@@ -18,8 +18,8 @@ import numpy as np
 from diffthrust._support.words import percent
 from diffthrust.comparison._residual_tests import cross_correlation
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._runs import Run
+from diffthrust.simulation._trajectory import simulate_fixed
 
 Pair = tuple[np.ndarray, np.ndarray]
 

@@ -23,7 +23,7 @@ from diffthrust.control._compensators import Compensator
 from diffthrust.control._faults import FaultNumbers
 from diffthrust.control._plant import Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
-from diffthrust.simulation._runge_kutta import advance, exponential_weights
+from diffthrust.simulation._integrate import advance, exponential_weights
 
 
 @dataclass(frozen=True)

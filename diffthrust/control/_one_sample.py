@@ -13,7 +13,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing, Signals
-from diffthrust.simulation._runge_kutta import advance, exponential_weights
+from diffthrust.simulation._integrate import advance, exponential_weights
 from diffthrust.simulation._trajectory import arriving, rates_of, starting_point
 
 State = dict[str, Array]

@@ -27,8 +27,7 @@ from diffthrust.control._reference import Path, Reference, wanted_at
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._fixed_step import checked_initial
-from diffthrust.simulation._trajectory import Key, arriving, read_out
+from diffthrust.simulation._trajectory import Key, arriving, checked_initial, read_out
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

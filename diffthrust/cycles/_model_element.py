@@ -31,8 +31,7 @@ from diffthrust.effects import CommandDelay
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing, Signals
-from diffthrust.simulation._integrate import integrate
-from diffthrust.simulation._runge_kutta import plain_rate
+from diffthrust.simulation._integrate import integrate, plain_rate
 from diffthrust.simulation._trajectory import bare, equations_of
 
 _STEPS = (256, 3072)

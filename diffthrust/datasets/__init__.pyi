@@ -3,8 +3,8 @@ from ._catalogue import fetch as fetch
 from ._catalogue import list as list
 from ._emps import emps as emps
 from ._esso_osaka import esso_osaka as esso_osaka
+from ._fetch import DataFile as DataFile
+from ._fetch import DataSet as DataSet
+from ._fetch import Runs as Runs
 from ._ngs_thruster import ngs_thruster as ngs_thruster
-from ._record import DataFile as DataFile
-from ._record import DataSet as DataSet
-from ._record import Runs as Runs
 from ._t200 import t200 as t200

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-from diffthrust.datasets._fetch import loaded
-from diffthrust.datasets._record import DataFile, DataSet, Runs
+from diffthrust.datasets._fetch import DataFile, DataSet, Runs, loaded
 from diffthrust.logs._columns import Column
 from diffthrust.logs._read import read_log
 

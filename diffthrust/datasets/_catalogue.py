@@ -9,9 +9,8 @@ from diffthrust._support.names import listing, nearest
 from diffthrust.datasets._blueboat import BLUEBOAT
 from diffthrust.datasets._emps import EMPS
 from diffthrust.datasets._esso_osaka import ESSO_OSAKA
-from diffthrust.datasets._fetch import located
+from diffthrust.datasets._fetch import DataSet, located
 from diffthrust.datasets._ngs_thruster import NGS_THRUSTER
-from diffthrust.datasets._record import DataSet
 from diffthrust.datasets._t200 import T200
 
 

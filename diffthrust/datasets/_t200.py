@@ -14,8 +14,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.extras import extra
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
-from diffthrust.datasets._fetch import located, wanted
-from diffthrust.datasets._record import DataFile, DataSet, Runs
+from diffthrust.datasets._fetch import DataFile, DataSet, Runs, located, wanted
 from diffthrust.logs._log import Log
 
 _FILE = "T200-Public-Performance-Data-10-20V-September-2019.xlsx"

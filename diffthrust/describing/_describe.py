@@ -28,7 +28,7 @@ from diffthrust.describing._periodic.shooting import Shooting
 from diffthrust.describing._request import MapRequest, request
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import ShownUnits
-from diffthrust.simulation._dependence import states_behind
+from diffthrust.simulation._linearise import states_behind
 
 
 @progressing

@@ -14,14 +14,12 @@ from jax import Array
 from diffthrust._support._running.batching import padded
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearby, nearest
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, Reading, catalogue
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.registry import catalogue
 from diffthrust.models._base.signals import Signals, UnknownSignal
-from diffthrust.simulation._dependence import enters
-from diffthrust.simulation._linearise import Reading, slopes_at
+from diffthrust.simulation._integrate import plain_rate
+from diffthrust.simulation._linearise import enters, slopes_at
 from diffthrust.simulation._record import Record, are_tables
-from diffthrust.simulation._runge_kutta import plain_rate
 from diffthrust.simulation._trajectory import equations_of
 
 TAKES_TIME = "takes time, and these tables have none"

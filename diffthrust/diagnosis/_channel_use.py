@@ -9,11 +9,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.words import humanize, joined
 from diffthrust.logs._log import Log
 from diffthrust.models import MODELS, Vessel
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, catalogue
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.registry import catalogue
 from diffthrust.simulation._commands import adopted
-from diffthrust.simulation._dependence import enters
+from diffthrust.simulation._linearise import enters
 from diffthrust.simulation._record import Record, bind
 
 

@@ -45,8 +45,8 @@ from diffthrust.estimation._arguments import (
 )
 from diffthrust.estimation._origin import Origin, origin_of, same_logs
 from diffthrust.estimation._result import Fit
-from diffthrust.estimation._runaway import farthest_runaway
 from diffthrust.estimation._status import Status
+from diffthrust.estimation._unexplained import farthest_runaway
 from diffthrust.experiments._request import checked_limits
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model

@@ -23,8 +23,7 @@ from diffthrust.estimation._observer import Correction, Limits, limited
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.parameter import parameter
 from diffthrust.models._base.signals import Relaxing, Signals
-from diffthrust.simulation._integrate import within
-from diffthrust.simulation._runge_kutta import advance, exponential_weights
+from diffthrust.simulation._integrate import advance, exponential_weights, within
 from diffthrust.simulation._trajectory import (
     arriving,
     equations_of,

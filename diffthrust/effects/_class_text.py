@@ -9,11 +9,10 @@ from copy import deepcopy
 from typing import Any
 
 from diffthrust._support.literals import as_python
-from diffthrust.effects._expression import FINITE, SHORT, keeps_sign
+from diffthrust.effects._expression import FINITE, SHORT, begun_at, keeps_sign, rate_parts
 from diffthrust.effects._formula import ARRIVING, Formula
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import begun_at, rate_parts
-from diffthrust.models._base.described import plain_description
+from diffthrust.models._base.made_effect import plain_description
 from diffthrust.models._base.parameter import Parameter
 
 _WIDTH = 80  # what a terminal shows unbroken

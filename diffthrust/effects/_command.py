@@ -112,7 +112,6 @@ class CommandDelay(Delay):
     delay: float = from_zero(0.05, "s", size=0.1, probes=(0.02, 0.08, 0.25, 0.4))
 
     def of_sampling(self, step: float) -> str:
-        """By how much the true delay is longer where the log only samples the command."""
         if self.delay == 0:
             return ""
         return (

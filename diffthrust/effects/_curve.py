@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,8 +16,7 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
 from diffthrust.effects._grammar import ExpressionEffect, expression_of
 from diffthrust.models._base.component import registered
-from diffthrust.models._base.described import described_fields, plain_description
-from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.made_effect import ARRIVING, described_fields, plain_description
 from diffthrust.models._base.parameter import Normal, Parameter, parameter
 from diffthrust.models._base.signals import Signal, Signals
 
@@ -81,7 +80,7 @@ class Curve(ExpressionEffect):
 
     name = "curve"
     main = "signal"
-    options: ClassVar[tuple[str, ...]] = (
+    options = (
         "name", "port", "signal", "times", "low", "high", "pieces",
     )  # fmt: skip
     signal: str

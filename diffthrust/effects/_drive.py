@@ -1,7 +1,6 @@
 """Effects in the propulsion and steering of a vessel."""
 
-from collections.abc import Collection, Mapping
-from typing import ClassVar
+from collections.abc import Collection
 
 import jax.numpy as jnp
 
@@ -31,7 +30,7 @@ class PropellerLag(ActuatorLag):
     name = "propeller_lag"
     in_words = "the propeller lags by {time_constant}"
     port = "revolutions"
-    states: ClassVar[Mapping[str, str]] = {"response": "rev/s"}
+    states = {"response": "rev/s"}
     time_constant: float = from_zero(0.3, "s", size=0.5, probes=(0.1, 0.5, 1.5))
 
 
@@ -52,7 +51,7 @@ class RudderLag(ActuatorLag):
     name = "rudder_lag"
     in_words = "the rudder lags by {time_constant}"
     port = "rudder"
-    states: ClassVar[Mapping[str, str]] = {"response": "rad"}
+    states = {"response": "rad"}
     time_constant: float = from_zero(0.3, "s", size=0.5, probes=(0.1, 0.5, 1.5))
 
 
@@ -210,15 +209,13 @@ class DifferentialGain(Effect):
     """
 
     name = "differential_gain"
-    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
+    ports = ("left_force", "right_force")
     gain: float = parameter(0.05, bounds=(-1, 1), null=0.0, size=0.2, probes=(-0.2, 0.2))
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """What this thruster is in fact commanded."""
         return value * (1.0 + self.gain if port == "left_force" else 1.0 - self.gain)
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """How much of the stronger thruster's force the weaker one gives."""
         effort = getattr(model, "command", "") == "effort"
         share = (1.0 - abs(self.gain)) / (1.0 + abs(self.gain))
         weak, strong = ("right", "left") if self.gain > 0 else ("left", "right")
@@ -248,7 +245,7 @@ class SwappedThrusters(Effect):
 
     name = "swapped_thrusters"
     in_words = "left and right thruster are exchanged"
-    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
+    ports = ("left_force", "right_force")
     share: float = parameter(1.0, bounds=(0, 1), null=0.0, size=0.5, probes=(1.0,))
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
@@ -262,7 +259,6 @@ class SwappedThrusters(Effect):
         return f"the two thrusters steer with {100.0 * steering:.0f} % of the logged moment"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The force that this thruster gives."""
         opposite = s.right_force if port == "left_force" else s.left_force
         return value + self.share * (opposite - value)
 
@@ -286,12 +282,11 @@ class ForceExponent(Effect):
 
     name = "force_exponent"
     in_words = "forces go with the power {exponent} of the map's"
-    ports: ClassVar[tuple[str, ...]] = ("left_force", "right_force")
+    ports = ("left_force", "right_force")
     exponent: float = parameter(1.2, bounds=(0.3, 3), null=1.0, size=0.3, probes=(0.7, 1.5))
     reference: float = parameter(
         10.0, "{left_force}", bounds=(0, None), fixed=True, probes=relative_to("left_force", 0.6)
     )
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The force that this thruster gives."""
         return value * power(value, self.reference, self.exponent - 1.0)

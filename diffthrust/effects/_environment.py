@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -31,13 +30,8 @@ class WaterCurrent(Effect):
     """
 
     name = "water_current"
-    ports: ClassVar[tuple[str, ...]] = (
-        "surge_through_water",
-        "sway_through_water",
-        "surge_acceleration",
-        "sway_acceleration",
-    )
-    by_log: ClassVar[tuple[str, ...]] = ("to_north", "to_east")
+    ports = ("surge_through_water", "sway_through_water", "surge_acceleration", "sway_acceleration")
+    by_log = ("to_north", "to_east")
     to_north: float = parameter(
         0.1, "m/s", null=0.0, size=0.3, probes=relative_to("surge", -0.2, 0.2)
     )
@@ -50,7 +44,6 @@ class WaterCurrent(Effect):
         return f"the water moves at {math.hypot(self.to_north, self.to_east):.2g} m/s"
 
     def size_words(self, starts: Sequence[Mapping[str, float]]) -> str:
-        """How fast the water moved in the logs: in the slowest and in the fastest."""
         speeds = [math.hypot(s["to_north"], s["to_east"]) for s in starts]
         slowest, fastest = f"{min(speeds):.2g}", f"{max(speeds):.2g}"
         if slowest == fastest:
@@ -58,7 +51,6 @@ class WaterCurrent(Effect):
         return f"{slowest} to {fastest} m/s, another in each log"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """Speeds through the water, accelerations over ground."""
         cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
         ahead = self.to_north * cos + self.to_east * sin
         aside = self.to_east * cos - self.to_north * sin
@@ -97,7 +89,7 @@ class Wind(Effect):
 
     name = "wind"
     in_words = "the wind pushes the vessel"
-    ports: ClassVar[tuple[str, ...]] = ("surge_force", "sway_force", "yaw_moment")
+    ports = ("surge_force", "sway_force", "yaw_moment")
     along: float = from_zero(0.01, "N s^2/m^2", size=0.05, probes=relative_to("propulsion", 0.003))
     across: float = from_zero(0.02, "N s^2/m^2", size=0.1, probes=relative_to("propulsion", 0.006))
     turning: float = parameter(
@@ -120,7 +112,6 @@ class Wind(Effect):
         return f"a wind{origin} pushes the vessel, taken as {self.speed:.2g} m/s"
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The force or moment with that of the wind."""
         measured = "wind_speed" in s
         speed = s.wind_speed if measured else self.speed
         origin = self.direction + (s.wind_direction if measured else 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,8 +16,7 @@ from diffthrust.effects._expression import Expression, valued, with_mark
 from diffthrust.effects._grammar import ExpressionEffect, expression_of
 from diffthrust.logs._units import si_unit
 from diffthrust.models._base.component import registered
-from diffthrust.models._base.described import described_fields, plain_description
-from diffthrust.models._base.made_effect import ARRIVING
+from diffthrust.models._base.made_effect import ARRIVING, described_fields, plain_description
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.signals import Signal, Signals
 
@@ -72,7 +71,7 @@ class Formula(ExpressionEffect):
 
     name = "formula"
     main = "expression"
-    options: ClassVar[tuple[str, ...]] = ("name", "port", "expression")
+    options = ("name", "port", "expression")
     expression: str
 
     def __init__(

@@ -11,8 +11,16 @@ from functools import lru_cache
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearest
-from diffthrust.effects._expression import COMPARED, STRANGE, Expression, with_mark
-from diffthrust.effects._memory import REMEMBERS, memory_rates, memory_starts, separated
+from diffthrust.effects._expression import (
+    COMPARED,
+    REMEMBERS,
+    STRANGE,
+    Expression,
+    memory_rates,
+    memory_starts,
+    separated,
+    with_mark,
+)
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.signals import Rate, Signal, Signals
 
@@ -95,11 +103,9 @@ class ExpressionEffect(MadeEffect):
         return expression_of(getattr(self, self.main))
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """The rates of the states of its memories."""
         return memory_rates(self._law, self._named(value, s))
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """The initial values of the states of its memories."""
         return memory_starts(self._law, self._named(value, s))
 
 

@@ -46,9 +46,15 @@ there is none."""
 class _QuadraticDrag(Effect, abstract=True):
     """A resistance that grows with the square of a speed of the hull."""
 
+    _speed: ClassVar[str]
+    """The signal of that speed."""
     _linear: ClassVar[tuple[str, str]]
     """The vessel's linear drag by its parameter, and the unit of the speed."""
     drag: float
+
+    def __call__(self, value: Signal, s: Signals) -> Signal:
+        speed = getattr(s, self._speed)
+        return value - self.drag * speed * jnp.abs(speed)
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
         """The speed from which it is more than the linear drag; "" where its number says enough.
@@ -84,14 +90,10 @@ class QuadraticSurgeDrag(_QuadraticDrag):
     name = "quadratic_surge_drag"
     in_words = "drag grows with the square of surge, {drag}"
     port = "surge_force"
-    _linear = ("d11", "m/s")
+    _speed, _linear = "surge_through_water", ("d11", "m/s")
     drag: float = from_zero(
         1.0, "N s^2/m^2", size=2.0, probes=relative_to("surge", 0.5, 5.0, power=-1)
     )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        u = s.surge_through_water
-        return value - self.drag * u * jnp.abs(u)
 
 
 @registered
@@ -111,14 +113,10 @@ class QuadraticSwayDrag(_QuadraticDrag):
     name = "quadratic_sway_drag"
     in_words = "drag grows with the square of sway, {drag}"
     port = "sway_force"
-    _linear = ("d22", "m/s")
+    _speed, _linear = "sway_through_water", ("d22", "m/s")
     drag: float = from_zero(
         2.0, "N s^2/m^2", size=5.0, probes=relative_to("sway", 0.5, 5.0, power=-1)
     )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        v = s.sway_through_water
-        return value - self.drag * v * jnp.abs(v)
 
 
 @registered
@@ -138,13 +136,10 @@ class QuadraticYawDrag(_QuadraticDrag):
     name = "quadratic_yaw_drag"
     in_words = "drag grows with the square of yaw rate, {drag}"
     port = "yaw_moment"
-    _linear = ("d33", "rad/s")
+    _speed, _linear = "yaw_rate", ("d33", "rad/s")
     drag: float = from_zero(
         0.5, "N m s^2/rad^2", size=1.0, probes=relative_to("yaw_rate", 0.1, 1.0, power=-1)
     )
-
-    def __call__(self, value: Signal, s: Signals) -> Signal:
-        return value - self.drag * s.yaw_rate * jnp.abs(s.yaw_rate)
 
 
 _LEAST_DETERMINANT = 0.1
@@ -179,13 +174,7 @@ class SwayYawCoupling(Effect):
 
     name = "sway_yaw_coupling"
     in_words = "sway and yaw act on each other"
-    ports: ClassVar[tuple[str, ...]] = (
-        "surge_force",
-        "sway_force",
-        "yaw_moment",
-        "sway_acceleration",
-        "yaw_acceleration",
-    )
+    ports = ("surge_force", "sway_force", "yaw_moment", "sway_acceleration", "yaw_acceleration")
     mass: float = parameter(0.1, "kg m", null=0.0, size=0.5, probes=(-0.3, 0.3))
     damping: float = parameter(0.1, "N s", null=0.0, size=0.5, probes=(-0.5, 0.5))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 
@@ -52,8 +52,8 @@ class PeriodicForce(MadeEffect):
 
     name = "periodic_force"
     main = "port"
-    states: ClassVar[Mapping[str, str]] = {"phase": "rad", "sine": "", "cosine": ""}
-    free_starts: ClassVar[tuple[str, ...]] = ("sine", "cosine")
+    states = {"phase": "rad", "sine": "", "cosine": ""}
+    free_starts = ("sine", "cosine")
     unit: str
     frequency: float
     amplitude: float

@@ -1,7 +1,6 @@
 """Effects between the speed of the propeller and its thrust."""
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import jax.numpy as jnp
 
@@ -47,7 +46,7 @@ class InflowThrustLoss(Effect):
     name = "inflow_thrust_loss"
     in_words = "inflow takes thrust away"
     port = "propeller"
-    needs: ClassVar[tuple[str, ...]] = ("inflow",)
+    needs = ("inflow",)
     loss: float = from_zero(
         0.1, "N s^2/(m rad)", size=0.3, probes=relative_to("propeller", 0.002, 0.02)
     )
@@ -79,7 +78,7 @@ class AxialFlow(Effect):
     name = "axial_flow"
     in_words = "thrust overshoots while the water in the duct catches up"
     port = "propeller"
-    states: ClassVar[Mapping[str, str]] = {"flow": "m/s"}
+    states = {"flow": "m/s"}
     loss: float = from_zero(
         0.1, "N s^2/(m rad)", size=0.3, probes=relative_to("propeller", 0.002, 0.02, 0.2)
     )
@@ -93,12 +92,10 @@ class AxialFlow(Effect):
         return value - self.loss * jnp.abs(s.speed) * s.flow
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
-        """The momentum of the water in the duct."""
         drag = (self.linear_drag + self.quadratic_drag * jnp.abs(s.flow)) * s.flow
         return {"flow": (self(value, s) - drag) / self.mass}
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Settled at the speed with which the log begins."""
         # the positive root in the form without cancellation: at a small thrust -b + sqrt(b^2 + 4 c)
         # loses its digits
         linear = self.linear_drag + self.loss * jnp.abs(s.speed) + 1e-9

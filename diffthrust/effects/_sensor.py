@@ -3,8 +3,7 @@
 from collections.abc import Collection
 
 from diffthrust._support.words import number
-from diffthrust.effects._forms import Delay, Offset, Scale, from_zero
-from diffthrust.effects._recorded import lagged
+from diffthrust.effects._forms import Delay, Offset, Scale, from_zero, lagged
 from diffthrust.models._base.component import Component, registered
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.parameter import parameter, relative_to
@@ -116,7 +115,6 @@ class ThrustSensorLag(Effect):
         return lagged(s.time, value, self.time_constant)
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """What it is of a model that takes the thrust from the log."""
         return _acting_late(model, f"lags by {number(self.time_constant, 2)} s behind")
 
 
@@ -139,7 +137,6 @@ class ThrustSensorDelay(Delay):
     delay: float = from_zero(0.05, "s", size=0.1, probes=(0.02, 0.08, 0.25))
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """What it is of a model that takes the thrust from the log."""
         return _acting_late(model, f"acts {number(self.delay, 2)} s after")
 
 

@@ -1,7 +1,6 @@
 """Effects between the motor's torque and the shaft."""
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -32,7 +31,7 @@ class ActuatorLag(Effect):
     name = "actuator_lag"
     in_words = "the motor's torque lags by {time_constant}"
     port = "drive"
-    states: ClassVar[Mapping[str, str]] = {"response": ""}
+    states = {"response": ""}
     time_constant: float = from_zero(0.05, "s", size=0.1, probes=(0.03, 0.1, 0.3))
 
     def __call__(self, value: Signal, s: Signals) -> Signal:
@@ -47,7 +46,6 @@ class ActuatorLag(Effect):
         return {"response": Relaxing(decay * (value - s.response), decay)}
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """Settled at the drive with which the log begins."""
         return {"response": value}
 
 
@@ -89,7 +87,7 @@ class SupplyVoltageSag(Effect):
     name = "supply_voltage_sag"
     in_words = "the drive weakens as the supply voltage falls"
     port = "drive"
-    needs: ClassVar[tuple[str, ...]] = ("supply_voltage",)
+    needs = ("supply_voltage",)
     share: float = parameter(0.5, bounds=(0, 1), null=0.0, size=0.5, probes=(0.3, 0.9))
     nominal: float = parameter(24.0, "V", bounds=(0, None), fixed=True)
 
@@ -97,7 +95,6 @@ class SupplyVoltageSag(Effect):
         return value * (1.0 + self.share * (s.supply_voltage / self.nominal - 1.0))
 
     def over_logs(self, ranges: Mapping[str, tuple[float, float]]) -> str:
-        """The drive at the lowest voltage of the logs against that at the highest."""
         ends = ranges["supply_voltage"]
         low, high = (1.0 + self.share * (volts / self.nominal - 1.0) for volts in ends)
         least, most = (f"{volts:.3g} V" for volts in ends)
@@ -139,7 +136,7 @@ class InflowLoadRelief(Effect):
     name = "inflow_load_relief"
     in_words = "inflow relieves the propeller's load"
     port = "load"
-    needs: ClassVar[tuple[str, ...]] = ("inflow",)
+    needs = ("inflow",)
     relief: float = from_zero(
         0.2, "1/m", size=0.3, probes=relative_to("inflow", 0.1, 0.4, power=-1)
     )

@@ -17,11 +17,10 @@ from diffthrust.estimation._residuals import Likelihood, SimulationError
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.simulation._errors import unwrapped
-from diffthrust.simulation._fixed_step import starting_states
 from diffthrust.simulation._record import Record, measured_outputs
 from diffthrust.simulation._starts import following
 from diffthrust.simulation._step_size import sensor_noise
-from diffthrust.simulation._trajectory import Grid, Key, is_large
+from diffthrust.simulation._trajectory import Grid, Key, is_large, starting_states
 
 _WASTE = 1.0
 """Logs share a batch while what they are padded with is at most this share of their samples: each

@@ -32,7 +32,6 @@ from diffthrust.estimation._per_log import per_log_notes, per_log_of
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._refine import disturbance_of, limits_of, rounding_of
 from diffthrust.estimation._result import Fit
-from diffthrust.estimation._runaway import with_runaways
 from diffthrust.estimation._solver import Solved
 from diffthrust.estimation._status import (
     GRADIENT_LIMIT,
@@ -50,6 +49,7 @@ from diffthrust.estimation._unexplained import (
     hint_at,
     little_explained,
     silent_doubts,
+    with_runaways,
 )
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits

@@ -153,11 +153,9 @@ class Gaussian(Law):
     level_information: ClassVar[float] = 2.0
 
     def penalty(self, error: Any) -> Any:
-        """Half the square."""
         return 0.5 * error**2
 
     def weight(self, error: Any) -> Any:
-        """All are one."""
         return _namespace(error).ones_like(error)
 
     def cost(
@@ -171,7 +169,6 @@ class Gaussian(Law):
         return jnp.sum(cost), sigma
 
     def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
-        """One, for the score is the error itself."""
         return [jnp.ones((1, 1, 1)) for _ in rests]
 
     def level_cost(self, residuals: np.ndarray) -> float:
@@ -180,11 +177,9 @@ class Gaussian(Law):
         return residuals.size * (math.log(level) + self.constant + 0.5)
 
     def below(self, error: Any) -> Any:
-        """Of the normal law."""
         return jax.scipy.stats.norm.cdf(error)
 
     def draws(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        """Normal numbers."""
         return rng.standard_normal(shape)
 
 
@@ -205,11 +200,9 @@ class StudentT(Law):
     level_information: ClassVar[float] = 2.0 * TAIL / (TAIL + 3)
 
     def penalty(self, error: Any) -> Any:
-        """The logarithm of the square, far out."""
         return 0.5 * (TAIL + 1) * _namespace(error).log1p(error**2 / TAIL)
 
     def weight(self, error: Any) -> Any:
-        """The less, the further an error is out."""
         return (TAIL + 1) / (TAIL + error**2)
 
     # Both divide squares instead of squaring quotients, as the law was first written: along flat
@@ -217,13 +210,11 @@ class StudentT(Law):
     # beside a reverse asymmetry to -46 for -346, and a rudder's lag from detectable to missed).
 
     def penalties(self, rests: Sequence[Any], sigma: Any) -> Any:
-        """The sum of the penalties of each channel, ``(C,)``."""
         level = sigma[None, :, None]
         scaled = sum(jnp.sum(jnp.log1p(r**2 / (TAIL * level**2)), axis=(0, 2)) for r in rests)
         return 0.5 * (TAIL + 1) * scaled
 
     def weights(self, residual: Any, sigma: Any) -> Any:
-        """How much the square of each residual counts, ``(B, C, T)``."""
         return (TAIL + 1) / (TAIL + residual**2 / sigma[None, :, None] ** 2)
 
     def below(self, error: Any) -> Any:
@@ -232,7 +223,6 @@ class StudentT(Law):
         return 0.5 + 0.375 * error / jnp.sqrt(u) * (1.0 - error**2 / (12.0 * u))
 
     def draws(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        """Numbers of the law."""
         return rng.standard_t(TAIL, shape)
 
 
@@ -296,7 +286,6 @@ class Censored(Gaussian):
         )
 
     def bend(self, rests: Sequence[Any], numbers: ProblemNumbers, sigma: Any) -> list[Any]:
-        """The curvature of each sample."""
         pairs = zip(rests, numbers.batches, strict=True)
         return [self.straight(residual, sigma, batch)[1] for residual, batch in pairs]
 

@@ -117,7 +117,6 @@ class White(NoiseModel):
     def likeliest(
         self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
     ) -> Likeliest:
-        """By the law alone."""
         return Likeliest(law.level_cost(np.concatenate([run[np.isfinite(run)] for run in runs])))
 
     def whiteness(self, tables: bool) -> Whiteness:
@@ -192,7 +191,6 @@ class AR1(NoiseModel):
         return {}, nearly, nearly
 
     def arranged(self, numbers: ProblemNumbers, step: float) -> ProblemNumbers:
-        """With the samples' distances."""
         batches = []
         for batch in numbers.batches:
             time = np.asarray(batch.time)
@@ -211,7 +209,6 @@ class AR1(NoiseModel):
         numbers: ProblemNumbers,
         values: Mapping[str, Any],
     ) -> Sequence[Any]:
-        """What the sample before does not tell."""
         scales, links = self.levels(channels, numbers, values), log.links
         whitened = []
         for i, (name, residual) in enumerate(zip(channels, rests, strict=True)):
@@ -224,7 +221,6 @@ class AR1(NoiseModel):
     def levels(
         self, channels: Sequence[str], numbers: ProblemNumbers, values: Mapping[str, Any]
     ) -> Any:
-        """At some values of the correlations."""
         gaps: Gaps = numbers.gaps
         kept = jnp.stack([jnp.asarray(values[_name(c)]) for c in channels])
         by_channel = zip(kept, gaps.steps, gaps.counts, numbers.counts, strict=True)
@@ -233,7 +229,6 @@ class AR1(NoiseModel):
     def likeliest(
         self, runs: Sequence[np.ndarray], times: Sequence[np.ndarray], law: Law, step: float
     ) -> Likeliest:
-        """At the correlation under which what is new is likeliest."""
         from scipy.optimize import minimize_scalar  # slow to import
 
         links = [

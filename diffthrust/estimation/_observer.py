@@ -32,9 +32,9 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._errors import wrapped
+from diffthrust.simulation._integrate import with_push
 from diffthrust.simulation._linearise import slopes_at
 from diffthrust.simulation._record import Record, measured_outputs
-from diffthrust.simulation._runge_kutta import with_push
 from diffthrust.simulation._starts import told_by
 from diffthrust.simulation._trajectory import Grid, equations_of, march, read_out
 
@@ -208,7 +208,7 @@ class Limits(NamedTuple):
 
 
 class Correction:
-    """One run of an observer over one log; the `Observe` of `march`."""
+    """One run of an observer over one log, which corrects what `march` simulates."""
 
     def __init__(
         self,

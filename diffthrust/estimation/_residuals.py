@@ -41,13 +41,13 @@ class Likelihood(ABC):
     gives is the sensor's, not that of the residuals."""
 
     @classmethod
-    @abstractmethod
     def of(cls, model: Model, records: Sequence[Record], noise: NoiseModel, law: Law) -> Likelihood:
         """For a model and what its records measure.
 
         Raises:
             InputError: logs that it cannot be made for.
         """
+        return cls(noise, law)
 
     @abstractmethod
     def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
@@ -92,13 +92,6 @@ class SimulationError(Likelihood):
     word: ClassVar[str] = "simulation"
     corrects: ClassVar[bool] = False
 
-    @classmethod
-    def of(
-        cls, model: Model, records: Sequence[Record], noise: NoiseModel, law: Law
-    ) -> SimulationError:
-        """Whatever the records measure."""
-        return cls(noise, law)
-
     def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
         """All that no log prescribes, and that a measured output feels."""
         free = felt(model, records)
@@ -114,7 +107,6 @@ class SimulationError(Likelihood):
         log: Batch,
         states: Mapping[str, Any],
     ) -> Float[jax.Array, "channels time"]:
-        """By one simulation."""
         anew = {name: (restart.value, restart.unsigned) for name, restart in log.restarts.items()}
         outputs, _ = trajectory(model, grid, log.time, log.inputs, states, anew)
         rests = []
@@ -145,7 +137,6 @@ class Innovations(Likelihood):
     def of(
         cls, model: Model, records: Sequence[Record], noise: NoiseModel, law: Law
     ) -> Innovations:
-        """For what the records measure."""
         return cls(noise, law, observer=observer_for(model, records))
 
     def starts(self, model: Model, records: Sequence[Record]) -> tuple[str, ...]:
@@ -161,7 +152,6 @@ class Innovations(Likelihood):
     def parameters(
         self, channels: Sequence[str], records: Sequence[Record]
     ) -> dict[str, Parameter]:
-        """Gains and memories."""
         longest = max(record.duration for record in records)
         step = min(record.step for record in records)
         return self.observer.parameters(longest, step)
@@ -180,7 +170,6 @@ class Innovations(Likelihood):
         log: Batch,
         states: Mapping[str, Any],
     ) -> Float[jax.Array, "channels time"]:
-        """By one simulation that is corrected at every sample."""
         limits = Limits(numbers.clip, numbers.reach)
         return innovations(self.observer, model, grid, values, log, states, limits)[0]
 

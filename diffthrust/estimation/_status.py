@@ -14,9 +14,9 @@ from diffthrust.estimation._likelihood import Quadratic, errors_at
 from diffthrust.estimation._problem import Problem
 from diffthrust.estimation._solver import NOTHING
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._record import are_tables
 from diffthrust.simulation._runs import Run
+from diffthrust.simulation._trajectory import simulate_fixed
 
 GRADIENT_LIMIT = 1e-5
 """A stationary point has max |J_j . r| / (|J_j| |r|) below this (true ones: below 1e-7)."""

@@ -21,7 +21,7 @@ from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.models._craft.craft import Craft
-from diffthrust.models._craft.scope import place_of
+from diffthrust.models._craft.placed import place_of
 from diffthrust.models._craft.sensor import Sensor
 from diffthrust.models._craft.six import Six, Triple, cross, scaled
 from diffthrust.simulation._runs import Run

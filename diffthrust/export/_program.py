@@ -12,7 +12,7 @@ from diffthrust.export._language import ATOM, LINE, Language, Term, lines_of
 from diffthrust.export._operations import Operations
 from diffthrust.export._source import ExportSource, filled_in
 from diffthrust.export._trace import traced_model
-from diffthrust.simulation._runge_kutta import SERIES, TURN
+from diffthrust.simulation._integrate import SERIES, TURN
 
 HISTORY = 256
 """Samples that a delay remembers."""

@@ -11,12 +11,12 @@ from jax.ad_checkpoint import checkpoint_name
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.effects._recorded import marked
+from diffthrust.effects._forms import marked
 from diffthrust.export._operations import Operations, traced
 from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Relaxing, Signal, Signals
-from diffthrust.simulation._runge_kutta import plain_rate
+from diffthrust.simulation._integrate import plain_rate
 from diffthrust.simulation._trajectory import arriving, equations_of, read_out, starting_point
 
 _SAMPLES = 3

@@ -9,8 +9,11 @@ from diffthrust.layouts._ardupilot import ardupilot_layout as ardupilot_layout
 from diffthrust.layouts._ardupilot import ardusub_mixer as ardusub_mixer
 from diffthrust.layouts._in_log import layout_in as layout_in
 from diffthrust.layouts._layout import MARKS as MARKS
+from diffthrust.layouts._layout import CommandColumn as CommandColumn
 from diffthrust.layouts._layout import Fact as Fact
 from diffthrust.layouts._layout import Layout as Layout
+from diffthrust.layouts._layout import RecordedLayout as RecordedLayout
+from diffthrust.layouts._layout import RecordedThruster as RecordedThruster
 from diffthrust.layouts._layout import layout_named as layout_named
 from diffthrust.layouts._mixer import AXES as AXES
 from diffthrust.layouts._mixer import Mixer as Mixer
@@ -22,6 +25,3 @@ from diffthrust.layouts._ready import BLUEROV2_HEAVY as BLUEROV2_HEAVY
 from diffthrust.layouts._ready import FERRY as FERRY
 from diffthrust.layouts._ready import JASON_JR as JASON_JR
 from diffthrust.layouts._ready import OTTER as OTTER
-from diffthrust.layouts._recorded import CommandColumn as CommandColumn
-from diffthrust.layouts._recorded import RecordedLayout as RecordedLayout
-from diffthrust.layouts._recorded import RecordedThruster as RecordedThruster

@@ -16,10 +16,16 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearby
 from diffthrust._support.words import counted
 from diffthrust.bodies import Planar, SixDegrees
-from diffthrust.layouts._layout import Fact, Layout
+from diffthrust.layouts._layout import (
+    CommandColumn,
+    Fact,
+    Layout,
+    RecordedLayout,
+    RecordedThruster,
+    vector,
+)
 from diffthrust.layouts._mixer import AXES, Mixer
 from diffthrust.layouts._ready import BLUEROV2, BLUEROV2_HEAVY
-from diffthrust.layouts._recorded import CommandColumn, RecordedLayout, RecordedThruster, vector
 from diffthrust.logs._written import PWM
 
 ARM = 0.2

@@ -7,8 +7,8 @@ from os import PathLike
 
 from diffthrust._support.errors import InputError
 from diffthrust.layouts._ardupilot import ardupilot_layout
+from diffthrust.layouts._layout import RecordedLayout
 from diffthrust.layouts._px4 import px4_layout
-from diffthrust.layouts._recorded import RecordedLayout
 from diffthrust.logs._parameters import parameters_in
 
 

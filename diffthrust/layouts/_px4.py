@@ -16,9 +16,8 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.words import counted
 from diffthrust.bodies import SixDegrees
-from diffthrust.layouts._layout import Fact
+from diffthrust.layouts._layout import CommandColumn, Fact, RecordedLayout, RecordedThruster, vector
 from diffthrust.layouts._mixer import Mixer
-from diffthrust.layouts._recorded import CommandColumn, RecordedLayout, RecordedThruster, vector
 from diffthrust.logs._written import PWM
 
 _MOTORS_6DOF = 7

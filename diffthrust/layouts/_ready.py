@@ -5,7 +5,7 @@ import math
 from diffthrust.actuators import Azimuth, StaticThruster
 from diffthrust.bodies import Axis, Planar, SixDegrees
 from diffthrust.layouts._layout import Fact, Layout
-from diffthrust.models._thruster import Thruster
+from diffthrust.models._thrusters import Thruster
 
 _C = math.sqrt(0.5)
 _WU = "Wu 2018, 6-DoF modelling and control of a remotely operated vehicle, Flinders University"

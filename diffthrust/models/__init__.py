@@ -1,6 +1,6 @@
-"""One system per file; `MODELS` finds them by the names that spec files use.
+"""Systems; `MODELS` finds them by the names that spec files use.
 
-A new model is one class with `registered` in a file of its own, and its line here.
+A new model is one class with `registered` in the file of its kind, and its line here.
 """
 
 from diffthrust.models._base.effect import Effect as Effect
@@ -17,10 +17,10 @@ from diffthrust.models._base.signals import Signals as Signals
 
 # in the order in which they are listed to people
 # isort: off
-from diffthrust.models._thruster import Thruster as Thruster
-from diffthrust.models._speed_loop import SpeedLoopThruster as SpeedLoopThruster
-from diffthrust.models._ducted_thruster import DuctedThruster as DuctedThruster
+from diffthrust.models._thrusters import Thruster as Thruster
+from diffthrust.models._thrusters import SpeedLoopThruster as SpeedLoopThruster
+from diffthrust.models._thrusters import DuctedThruster as DuctedThruster
 from diffthrust.models._vessel import Vessel as Vessel
-from diffthrust.models._dc_motor import DCMotorThruster as DCMotorThruster
+from diffthrust.models._thrusters import DCMotorThruster as DCMotorThruster
 from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
 from diffthrust.models._linear_sensor import LinearSensor as LinearSensor

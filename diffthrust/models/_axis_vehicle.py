@@ -1,7 +1,7 @@
 """A vehicle that moves along one axis."""
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 
@@ -45,15 +45,13 @@ class AxisVehicle(Model):
     """
 
     name = "axis_vehicle"
-    inputs: ClassVar[Mapping[str, str]] = {"thrust": "N"}
-    states: ClassVar[Mapping[str, str]] = STATES
-    outputs: ClassVar[Mapping[str, str]] = STATES
-    ports: ClassVar[Mapping[str, str]] = PORTS
-    time_scales: ClassVar[tuple[float, float]] = (0.05, 40.0)
+    inputs = {"thrust": "N"}
+    states = outputs = STATES
+    ports = PORTS
+    time_scales = (0.05, 40.0)
 
     mass: float = parameter(340.0, "kg", bounds=(0, None))
     drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
-        """Yoerger et al. 1990, section IV."""
         return along_axis(s, port, s.thrust, self.mass, self.drag)

@@ -1,8 +1,5 @@
 """A sensor that reads along a straight line."""
 
-from collections.abc import Mapping
-from typing import ClassVar
-
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
@@ -26,13 +23,12 @@ class LinearSensor(Model):
     """
 
     name = "linear_sensor"
-    inputs: ClassVar[Mapping[str, str]] = {"depth": "m"}
-    outputs: ClassVar[Mapping[str, str]] = {"reading": "V"}
-    ports: ClassVar[Mapping[str, str]] = {"line": "reading of the sensor [V]"}
+    inputs = {"depth": "m"}
+    outputs = {"reading": "V"}
+    ports = {"line": "reading of the sensor [V]"}
 
     slope: float = parameter(0.1901, "V/m", size=0.1)
     offset: float = parameter(-0.0973, "V", size=1.0)
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
-        """Aras et al. 2013, calibration of the depth sensor."""
         return {}, {"reading": port("line", self.slope * s.depth + self.offset)}

@@ -1,9 +1,9 @@
-"""A surface vessel in three degrees of freedom."""
+"""A surface vessel in three degrees of freedom, and the motion in the plane that bodies share."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal, Self
 
 import jax.numpy as jnp
 
@@ -12,15 +12,54 @@ from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import C, Model
 from diffthrust.models._base.parameter import Parameter, parameter
-from diffthrust.models._base.power_law import power_law
-from diffthrust.models._base.signals import RatesAndOutputs, Signals
-from diffthrust.models._planar_motion import (
-    FORCE_PORTS,
-    STATES,
-    WATER_PORTS,
-    rates_of,
-    through_water,
-)
+from diffthrust.models._base.signals import Rate, RatesAndOutputs, Signal, Signals, power_law
+
+STATES: Mapping[str, str] = {
+    "surge": "m/s",
+    "sway": "m/s",
+    "yaw_rate": "rad/s",
+    "north": "m",
+    "east": "m",
+    "heading": "rad",
+}
+WATER_PORTS: Mapping[str, str] = {
+    "surge_through_water": "speed through the water along x, which the forces depend on [m/s]",
+    "sway_through_water": "speed through the water along y [m/s]",
+}
+FORCE_PORTS: Mapping[str, str] = {
+    "surge_force": "force along x [N]",
+    "sway_force": "force along y [N]",
+    "yaw_moment": "moment about z [N m]",
+    "surge_acceleration": "rate of the speed over ground along x [m/s^2]",
+    "sway_acceleration": "rate of the speed over ground along y [m/s^2]",
+    "yaw_acceleration": "rate of the yaw rate [rad/s^2]",
+}
+
+
+def through_water(s: Signals, port: Ports) -> tuple[Signal, Signal]:
+    """The speeds through the water along x and y."""
+    u = port("surge_through_water", s.surge)
+    v = port("sway_through_water", s.sway)
+    port.tell(surge_through_water=u, sway_through_water=v)
+    return u, v
+
+
+def rates_of(
+    s: Signals, port: Ports, surging: Signal, swaying: Signal, yawing: Signal
+) -> dict[str, Rate]:
+    """The rates of all states from the three accelerations (Fossen 2021, equation 2.41)."""
+    # a coupling of sway and yaw needs both accelerations as they are without it
+    port.tell(sway_alone=swaying, yaw_alone=yawing)
+    cos, sin = jnp.cos(s.heading), jnp.sin(s.heading)
+    return {
+        "surge": port("surge_acceleration", surging),
+        "sway": port("sway_acceleration", swaying),
+        "yaw_rate": port("yaw_acceleration", yawing),
+        "north": s.surge * cos - s.sway * sin,
+        "east": s.surge * sin + s.sway * cos,
+        "heading": s.yaw_rate,
+    }
+
 
 _INPUTS = {
     "propeller": {"propeller_speed": "rev/s", "rudder_angle": "rad"},
@@ -83,13 +122,12 @@ class Vessel(Model):
     """
 
     name = "vessel"
-    options: ClassVar[tuple[str, ...]] = ("drive", "command")
-    states: ClassVar[Mapping[str, str]] = STATES
-    outputs: ClassVar[Mapping[str, str]] = STATES
-    ports: Mapping[str, str] = _PORTS  # pyright: ignore[reportIncompatibleVariableOverride]
-    angles: ClassVar[tuple[str, ...]] = ("heading",)
-    time_scales: ClassVar[tuple[float, float]] = (0.05, 20.0)
-    horizon: ClassVar[float | None] = 20.0
+    options = ("drive", "command")
+    states = outputs = STATES
+    ports = _PORTS
+    angles = ("heading",)
+    time_scales = (0.05, 20.0)
+    horizon = 20.0
 
     m11: float = parameter(5.23, "kg", bounds=(0, None), doc="mass in surge, to A")
     m22: float = parameter(5.93, "kg", bounds=(0, None), doc="mass in sway, to A")
@@ -101,8 +139,7 @@ class Vessel(Model):
     lever_arm: float = parameter(0.5, "m", bounds=(0, None), fixed=True)
 
     drive: Literal["propeller", "twin"]
-    inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    optional_inputs: ClassVar[Mapping[str, str]] = {"wind_speed": "m/s", "wind_direction": "rad"}
+    optional_inputs = {"wind_speed": "m/s", "wind_direction": "rad"}
 
     def __init__(
         self,
@@ -123,7 +160,6 @@ class Vessel(Model):
         super().__init__(command=command, **parameters)
 
     def commanded_in(self, unit: str) -> Self:
-        """The vessel with its drive given in another unit; see `Model.commanded_in`."""
         converted = super().commanded_in(unit)
         forces = converted._in_forces
         absent = _HINGED if self.drive == "twin" else ()
@@ -177,7 +213,6 @@ class Vessel(Model):
         return thrust, 0.0 * thrust, self.lever_arm * (left - right)
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
-        """Siramdasu & Fahimi 2013, equations (1) to (5), (15) and (16)."""
         (u, v), r = through_water(s, port), s.yaw_rate
         port.tell(m22=self.m22, i33=self.i33)
         surge, sway, yaw = (self._propeller if self.drive == "propeller" else self._twin)(s, port)

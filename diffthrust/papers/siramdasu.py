@@ -25,7 +25,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models import Vessel
 from diffthrust.papers._line import Approach, FittedLine, Transient, fit_line, fit_transient
 from diffthrust.papers._steady import Steady, records, steady_portions
-from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._runs import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

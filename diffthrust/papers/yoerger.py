@@ -20,7 +20,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models import QuadraticLoad, Thruster
 from diffthrust.papers._line import FittedLine, fit_line, least_squares
 from diffthrust.papers._steady import Steady, steady_portions
-from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._runs import simulate
 from diffthrust.uncertainty._prediction.physical import Quantity
 
 if TYPE_CHECKING:

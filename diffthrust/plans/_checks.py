@@ -11,7 +11,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._runs import simulate
 
 _LEFT = 0.01
 """Share of the change within which a signal counts as settled."""

@@ -19,11 +19,10 @@ from diffthrust.experiments._result import Experiment
 from diffthrust.logs._log import Log
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, catalogue
 from diffthrust.models._base.made_effect import MADE_EFFECTS
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
-from diffthrust.models._base.registry import catalogue
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
 from diffthrust.specs._scripts import own_class, trusted_folders

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support._running.batching import padded
+from diffthrust.models._base.effect import Reading
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._fixed_step import simulate_fixed
-from diffthrust.simulation._linearise import Reading
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._trajectory import equations_of
+from diffthrust.simulation._trajectory import equations_of, simulate_fixed
 
 
 def with_sizes(model: Model, records: Sequence[Record]) -> Model:

@@ -27,11 +27,10 @@ import numpy as np
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._dependence import dependence, states_behind
 from diffthrust.simulation._errors import wrapped
-from diffthrust.simulation._fixed_step import simulated_from, starting_states
+from diffthrust.simulation._linearise import dependence, states_behind
 from diffthrust.simulation._record import Record
-from diffthrust.simulation._trajectory import Key
+from diffthrust.simulation._trajectory import Key, simulated_from, starting_states
 
 _ROUNDS = 20
 """Most steps of Levenberg-Marquardt."""

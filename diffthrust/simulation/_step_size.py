@@ -10,8 +10,8 @@ import numpy as np
 
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._record import Record, bind
+from diffthrust.simulation._trajectory import simulate_fixed
 
 MOST_SUBSTEPS = 32
 _TOLERANCE = 0.01

@@ -19,9 +19,9 @@ from diffthrust.effects import Formula
 from diffthrust.effects._class_text import effect_class_text, effect_test_text
 from diffthrust.logs._log import Log
 from diffthrust.models import MODELS, Vessel
+from diffthrust.models._base.effect import catalogue
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.registry import catalogue
-from diffthrust.simulation._simulate import simulate
+from diffthrust.simulation._runs import simulate
 from diffthrust.specs._file import NAME
 
 _TRAIN, _HOLDOUT = "example_train.csv", "example_unseen.csv"

@@ -19,10 +19,9 @@ from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.effects import Formula
 from diffthrust.models import MODELS
 from diffthrust.models._base.component import Component
-from diffthrust.models._base.effect import Effect
+from diffthrust.models._base.effect import Effect, catalogue
 from diffthrust.models._base.made_effect import MADE_EFFECTS, MadeEffect
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.registry import catalogue
 
 _USERS = "_user_"
 """Prefix of the module names of users' scripts."""

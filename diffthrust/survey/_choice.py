@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.layouts._recorded import RecordedLayout
+from diffthrust.layouts._layout import RecordedLayout
 from diffthrust.logs._columns import Column
 from diffthrust.logs._contents import Contents, Field
 from diffthrust.logs._tables.text import times_of_day

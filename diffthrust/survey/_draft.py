@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import tomlkit
 
-from diffthrust.layouts._layout import listing_of
-from diffthrust.layouts._recorded import RecordedLayout
+from diffthrust.layouts._layout import RecordedLayout, listing_of
 from diffthrust.survey._choice import Choice, Pick
 from diffthrust.survey._suited import mass_of
 

@@ -12,7 +12,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.layouts._in_log import recorded_layout
-from diffthrust.layouts._recorded import RecordedLayout
+from diffthrust.layouts._layout import RecordedLayout
 from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._contents import Contents, Field
 from diffthrust.logs._log import Log

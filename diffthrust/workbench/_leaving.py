@@ -18,7 +18,7 @@ from diffthrust._support.literals import as_python
 from diffthrust._support.page import image
 from diffthrust.checks._check import run_again
 from diffthrust.comparison._page import comparisons_of, write_comparison_page
-from diffthrust.estimation._model_lines import code_of, effects_line, python_lines
+from diffthrust.estimation._origin import code_of, effects_line, python_lines
 from diffthrust.specs._file import NAME, parse_spec
 from diffthrust.specs._scripts import script_file
 from diffthrust.specs._spec import Spec, load_spec

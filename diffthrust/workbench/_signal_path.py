@@ -15,10 +15,10 @@ from bokeh.models import Arrow, ColumnDataSource, Range1d, TapTool, VeeHead
 from bokeh.plotting import figure
 
 from diffthrust._support.figures import BLUE
+from diffthrust.models._base.effect import Reading
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
-from diffthrust.simulation._linearise import Reading
-from diffthrust.simulation._runge_kutta import plain_rate
+from diffthrust.simulation._integrate import plain_rate
 from diffthrust.workbench._look import RIGHT
 
 _OFF = 1e-3

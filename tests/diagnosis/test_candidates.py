@@ -10,7 +10,7 @@ from importlib.metadata import EntryPoint
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from components import registry
+from components import effect_module
 from one_truth import contradictions
 from reference import inputs, thruster
 from reference.hidden import THRUSTER, Effect
@@ -46,12 +46,12 @@ def installed(monkeypatch):
     """Packages that offer effects by entry points."""
 
     def install(*points):
-        monkeypatch.setattr(registry, "entry_points", lambda group: points)
-        registry.catalogue.cache_clear()
+        monkeypatch.setattr(effect_module, "entry_points", lambda group: points)
+        effect_module.catalogue.cache_clear()
 
     yield install
     monkeypatch.undo()
-    registry.catalogue.cache_clear()
+    effect_module.catalogue.cache_clear()
 
 
 def test_the_whole_catalogue_of_the_model_is_tried():

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference import inputs, noise, thruster
-from trajectories import fixed_step_module
+from trajectories import trajectory_module
 
 import diffthrust as dft
 from diffthrust.diagnosis._search_start import blind_notes  # private: of a trial without a screen
@@ -56,7 +56,7 @@ def simulations():
 def diag(simulations):
     *train, unseen = logs(command_deadband=0.4, thrust_sensor_offset=1.0)
     said = []
-    simulated = fixed_step_module._run
+    simulated = trajectory_module._run
 
     def counted(key, grid, values, time, inputs, start):
         numbers = jax.tree.map(lambda value: np.asarray(value).tobytes(), (values, inputs, start))
@@ -64,7 +64,7 @@ def diag(simulations):
         return simulated(key, grid, values, time, inputs, start)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fixed_step_module, "_run", counted)
+        patch.setattr(trajectory_module, "_run", counted)
         found = dft.diagnose(
             dft.Thruster(),
             train,

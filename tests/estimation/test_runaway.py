@@ -7,7 +7,7 @@ import pytest
 from problems import farthest_runaway
 
 import diffthrust as dft
-from diffthrust.estimation._runaway import with_runaways  # private: beside a doubt of one's own
+from diffthrust.estimation._unexplained import with_runaways  # private: beside a doubt of one's own
 from diffthrust.soundness import Doubt
 
 pytestmark = pytest.mark.filterwarnings("ignore::diffthrust.simulation.CoarseStepWarning")

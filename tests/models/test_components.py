@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from components import Effect, elementwise, expect, file_of, registry
+from components import Effect, effect_module, elementwise, expect, file_of
 
 import diffthrust as dft
 from diffthrust import InputError
@@ -239,27 +239,27 @@ class Fouling(CommandOffset):
 def installed(monkeypatch):
     def of(*things):
         points = [SimpleNamespace(name=n, load=lambda t=thing: t) for n, thing in things]
-        monkeypatch.setattr(registry, "entry_points", lambda group: points)
-        registry.catalogue.cache_clear()
+        monkeypatch.setattr(effect_module, "entry_points", lambda group: points)
+        effect_module.catalogue.cache_clear()
 
     yield of
     monkeypatch.undo()
-    registry.catalogue.cache_clear()
+    effect_module.catalogue.cache_clear()
 
 
 def test_effects_of_installed_packages(installed):
     installed(("fouling", Fouling))
-    known = list(registry.catalogue())
+    known = list(effect_module.catalogue())
     assert known[-1] == "test_fouling"
     assert known[:5] == [
         "command_deadband", "command_delay", "command_offset", "command_rate_limit",
         "command_saturation",
     ]  # fmt: skip
-    assert isinstance(registry.effect_named("test_fouling"), Fouling)
+    assert isinstance(effect_module.effect_named("test_fouling"), Fouling)
     with pytest.raises(InputError, match=r"'test_foulin' is not known; .* are 'test_fouling'"):
-        registry.effect_named("test_foulin")
+        effect_module.effect_named("test_foulin")
     with pytest.raises(InputError) as error:
-        registry.effect_named("command_dedband")
+        effect_module.effect_named("command_dedband")
     assert "names the nearest are 'command_deadband', " in str(error.value)
     assert len(str(error.value)) < 400  # and not the whole catalogue
 
@@ -268,13 +268,13 @@ def test_effects_of_installed_packages(installed):
 def test_an_entry_point_that_is_no_effect(installed, thing):
     installed(("odd", thing))
     with pytest.raises(InputError, match=r"entry point 'odd' .* which is no effect"):
-        registry.catalogue()
+        effect_module.catalogue()
 
 
 def test_an_entry_point_with_a_name_that_is_taken(installed):
     installed(("again", CommandOffset))
     with pytest.raises(InputError, match="gives an effect 'command_offset', a name that is taken"):
-        registry.catalogue()
+        effect_module.catalogue()
 
 
 def test_the_table_of_a_notebook():

@@ -12,7 +12,6 @@ from trajectories import (
     checked_initial,
     errors,
     fewest_steps,
-    fixed_step_module,
     overflow,
     point_in,
     pooled_errors,
@@ -25,6 +24,7 @@ from trajectories import (
     starts_module,
     step_size_module,
     too_large,
+    trajectory_module,
     unwrapped,
     wrapped,
 )
@@ -438,7 +438,7 @@ def test_steps_are_as_fine_as_the_errors_of_a_model_ask_for():
 
 
 def test_logs_of_several_lengths_and_numbers_of_steps_share_one_program():
-    program, model = fixed_step_module.compiled_simulation, dft.Vessel(d11=4.5, drive="propeller")
+    program, model = trajectory_module.compiled_simulation, dft.Vessel(d11=4.5, drive="propeller")
     before = program.traces
     for samples, substeps in [(60, 1), (100, 1), (60, 2), (256, 3), (100, 8), (200, 32)]:
         log = stiff_log(samples, 0.05)

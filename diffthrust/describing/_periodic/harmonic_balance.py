@@ -56,7 +56,7 @@ from diffthrust.describing._periodic.respond import (
 )
 from diffthrust.describing._periodic.shooting import COARSEST_SERIES, LANES, starts
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._runge_kutta import plain_rate
+from diffthrust.simulation._integrate import plain_rate
 from diffthrust.simulation._trajectory import Key, rates_of
 
 _MOST_EVALUATIONS = 80

@@ -23,7 +23,7 @@ from diffthrust.effects._class_text import class_name, effect_class_text
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
 from diffthrust.effects._grammar import Expression, expression_of
-from diffthrust.estimation._model_lines import effects_line
+from diffthrust.estimation._origin import effects_line
 from diffthrust.logs._units import product_unit, same_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model

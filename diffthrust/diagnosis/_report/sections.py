@@ -42,7 +42,7 @@ from diffthrust.diagnosis._report.text import (
     unmeasured_rivals,
     verdict_words,
 )
-from diffthrust.estimation._model_lines import python_lines, spec_lines
+from diffthrust.estimation._origin import python_lines, spec_lines
 from diffthrust.estimation._per_log import per_log_section
 from diffthrust.estimation._result import Fit
 from diffthrust.experiments._result import Experiment

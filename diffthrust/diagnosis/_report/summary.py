@@ -35,7 +35,7 @@ from diffthrust.diagnosis._report.text import (
     with_unit,
 )
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.estimation._model_lines import effects_line
+from diffthrust.estimation._origin import effects_line
 from diffthrust.simulation._errors import Errors
 
 TO_COPY = "To copy into a spec file"

@@ -17,7 +17,7 @@ from diffthrust.diagnosis._report.text import (
     stage_words,
 )
 from diffthrust.estimation._result import Fit
-from diffthrust.models._base.registry import catalogue
+from diffthrust.models._base.effect import catalogue
 from diffthrust.simulation._errors import Errors
 
 _LISTED = 6

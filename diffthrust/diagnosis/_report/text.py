@@ -22,8 +22,8 @@ from diffthrust.diagnosis._findings import Findings, OtherModel
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._result import Fit
-from diffthrust.estimation._runaway import farthest_runaway
 from diffthrust.estimation._status import Status
+from diffthrust.estimation._unexplained import farthest_runaway
 from diffthrust.models._base.effect import EFFECTS, Effect
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._errors import Errors

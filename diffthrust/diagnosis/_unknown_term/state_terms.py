@@ -37,9 +37,9 @@ from diffthrust.estimation._solver import Solved, solve
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._fixed_step import simulate_fixed
 from diffthrust.simulation._levels import port_readings
 from diffthrust.simulation._record import Record, are_tables
+from diffthrust.simulation._trajectory import simulate_fixed
 
 _BENDS = (0.3, 0.6, 0.8)
 """Numerics: places of the bends, over the range of a state."""

@@ -24,8 +24,8 @@ from diffthrust.diagnosis._residual_structure import (
     wave_along,
 )
 from diffthrust.effects._curve import Curve
+from diffthrust.effects._expression import values_along
 from diffthrust.effects._grammar import expression_of
-from diffthrust.effects._memory import values_along
 from diffthrust.logs._units import product_unit
 from diffthrust.models._base.made_effect import ARRIVING
 from diffthrust.models._base.model import Model

@@ -20,8 +20,8 @@ from diffthrust.estimation._result import Fit
 from diffthrust.many._batch.result import Many, estimates_of, fit_row, named_members
 from diffthrust.many._campaign.campaign import Campaign
 from diffthrust.many._campaign.tables import TABLE
+from diffthrust.models._base.effect import catalogue
 from diffthrust.models._base.parameter import Parameter
-from diffthrust.models._base.registry import catalogue
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -1,16 +1,19 @@
-"""Effects: small physical terms that plug into a port of a model, and the ports where they act."""
+"""Effects: small physical terms at ports of models, the ports, and the catalogue of effects."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import entry_points
 from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing, nearest
+from diffthrust._support.names import listing, nearby, nearest
 from diffthrust.models._base.component import Component
 from diffthrust.models._base.signals import Rate, Signal, Signals, elementwise, expect
 
@@ -52,6 +55,15 @@ class Effect(Component):
         ...         return value - self.rate * s.speed
         >>> print(dft.Thruster() + ViscousFriction())
         thruster + viscous_friction
+        >>> friction, s = ViscousFriction(rate=0.2), dft.models.Signals({"speed": 10.0})
+        >>> friction.at("shaft", 5.0, s), friction.at_null().at("shaft", 5.0, s)
+        (3.0, 5.0)
+        >>> friction.of_user, friction.differs, friction.form, friction.initial(5.0, s)
+        (True, False, {}, {})
+        >>> friction.acting("shaft", s).states, friction.scaled(dict) is friction
+        ({}, True)
+        >>> print(friction.unread("rpm", "shaft", ("time", "speed")).mend)
+        Correct the name; known there are 'time', 'speed'.
     """
 
     library: ClassVar[dict[str, type[Effect]]] = {}
@@ -98,13 +110,7 @@ class Effect(Component):
         )
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The value that leaves one of ``ports``: that of ``__call__`` where there is one.
-
-        Example:
-            >>> s = dft.models.Signals({"command": jnp.array([0.3, 1.0])})
-            >>> dft.effects.CommandOffset(offset=0.1).at("command", s.command, s)
-            Array([0.4, 1.1], dtype=float64)
-        """
+        """The value that leaves one of ``ports``: that of ``__call__`` where there is one."""
         return self(value, s)
 
     def rates(self, value: Signal, s: Signals) -> Mapping[str, Rate]:
@@ -121,22 +127,11 @@ class Effect(Component):
         )
 
     def initial(self, value: Signal, s: Signals) -> Mapping[str, Signal | float]:
-        """States at the start of a log, from the value that arrives there; zero by default.
-
-        Example:
-            >>> dft.effects.CommandOffset().initial(0.0, dft.models.Signals({}))
-            {}
-        """
+        """States at the start of a log, from the value that arrives there; zero by default."""
         return {}
 
     def acting(self, port: str, s: Signals) -> Acting:
-        """The effect, the port, the signals and the full names of its states, as it acts there.
-
-        Example:
-            >>> effect = dft.effects.ActuatorLag()
-            >>> dict(effect.acting("drive", dft.models.Signals({})).states)
-            {'response': 'actuator_lag.response'}
-        """
+        """The effect, the port, the signals and the full names of its states, as it acts there."""
         return Acting(self, port, s, {name: f"{self.name}.{name}" for name in self.states})
 
     def _check_places(self, model: str, ports: Sequence[str], channels: Sequence[str]) -> None:
@@ -158,13 +153,7 @@ class Effect(Component):
                 )
 
     def unread(self, name: str, port: str, signals: Sequence[str]) -> InputError:
-        """The error for a signal that it reads and that the model does not have there.
-
-        Example:
-            >>> error = dft.effects.CommandDeadband().unread("rpm", "command", ("time", "command"))
-            >>> isinstance(error, dft.InputError)
-            True
-        """
+        """The error for a signal that it reads and that the model does not have there."""
         near = nearest(name, signals)
         return InputError(
             f"Effect '{self.name}' reads the signal {name!r}, which is not known at the port "
@@ -187,12 +176,7 @@ class Effect(Component):
 
     @property
     def form(self) -> dict[str, float]:
-        """Fixed parameters that are not as declared, and so choose another form of the effect.
-
-        Example:
-            >>> dft.effects.CommandDeadband().form
-            {}
-        """
+        """Fixed parameters that are not as declared, and so choose another form of the effect."""
         return {
             name: getattr(self, name)
             for name, p in self._parameters.items()
@@ -248,42 +232,23 @@ class Effect(Component):
         Args:
             levels: gives how large the signals of the model are, the ports' among them: the 90th
                 percentile of the absolute value.
-
-        Example:
-            >>> dft.effects.CommandDeadband().scaled(lambda: {"command": 3.0}).name
-            'command_deadband'
         """
         return self
 
     def at_null(self) -> Effect:
-        """The same effect with every parameter that has a null value set to it.
-
-        Example:
-            >>> dft.effects.CommandDeadband(half_width=0.4).at_null().half_width
-            0.0
-        """
+        """The same effect with every parameter that has a null value set to it."""
         nulls = {k: p.null for k, p in self._parameters.items() if p.null is not None}
         described = {k: self._parameters[k].with_value(v) for k, v in nulls.items()}
         return self._copy(_parameters={**self._parameters, **described}, **nulls)
 
     @property
     def of_user(self) -> bool:
-        """Whether the library has no effect of its name and class: one of the user's own.
-
-        Example:
-            >>> dft.effects.ActuatorLag().of_user
-            False
-        """
+        """Whether the library has no effect of its name and class: one of the user's own."""
         return type(self) is not EFFECTS.get(self.name)
 
     @property
     def differs(self) -> bool:
-        """Whether parameters of it differ from log to log.
-
-        Example:
-            >>> dft.effects.WaterCurrent().differs
-            False
-        """
+        """Whether parameters of it differ from log to log."""
         return any(p.per_log for p in self._parameters.values())
 
     def differing(self, apart: bool = True) -> Effect:
@@ -364,29 +329,87 @@ class Ports:
 
 def reported_at(equations: Callable[..., Any], names: Iterable[str], port: str) -> tuple[str, ...]:
     """The signals that equations report to the effects at a port, besides their own inputs."""
-    signals = tuple(dict.fromkeys(names))
-    noted: dict[str, tuple[str, ...]] = {}
+    signals = tuple(dict.fromkeys(("time", *names)))
+    readable: dict[str, tuple[str, ...]] = {}
 
     def run(values: dict[str, Signal]) -> Signal:
         s = Signals(values)
-        equations(s, _Noting(s, noted))
+        reading = Reading((), s)
+        equations(s, reading)
+        readable.update(reading.readable)
         return values["time"]
 
     # an abstract evaluation: the equations are walked through once, nothing is computed
-    jax.eval_shape(run, {name: jnp.asarray(0.5) for name in ("time", *signals)})
-    return tuple(name for name in noted.get(port, ()) if name not in ("time", *signals))
+    jax.eval_shape(run, {name: jnp.asarray(0.5) for name in signals})
+    return tuple(name for name in readable.get(port, ()) if name not in signals)
 
 
-class _Noting(Ports):
-    """Ports without effects that note what may be read at each."""
+class Reading(Ports):
+    """Ports that note what may be read there, what passes, and what the model tells.
 
-    def __init__(self, signals: Signals, noted: dict[str, tuple[str, ...]]) -> None:
-        super().__init__((), signals)
-        self._noted = noted
+    They may add a ``push`` to what passes.
+    """
+
+    def __init__(
+        self, effects: Sequence[Effect], signals: Signals, push: Mapping[str, Any] | None = None
+    ) -> None:
+        super().__init__(effects, signals)
+        self.push = push or {}
+        self.readable: dict[str, tuple[str, ...]] = {}
+        self.seen: dict[str, Any] = {}
+        self.told: dict[str, Any] = {}
 
     def hears(self, part: str) -> bool:
         return True
 
-    def __call__(self, port: str, value: Signal) -> Signal:
-        self._noted[port] = tuple(self._signals)
-        return value
+    def tell(self, **signals: Any) -> None:
+        super().tell(**signals)
+        self.told |= signals
+
+    def __call__(self, port: str, value: Any) -> Any:
+        self.readable[port] = tuple(self._signals)
+        self.seen[port] = value = super().__call__(port, value)
+        return value + self.push[port] if port in self.push else value
+
+
+_GROUP = "diffthrust.effects"
+"""Packages offer effects of their own by entry points of this group, each naming a class.
+
+It is also the name of the folder whose import registers the library's own: as text, for what is
+registered must not be known here, and a model must find it by name even where nobody has touched
+that folder yet."""
+
+
+@lru_cache(maxsize=1)
+def catalogue() -> Mapping[str, type[Effect]]:
+    """All known effects by name: the library's in the order of its files, then packages'."""
+    import_module(_GROUP)
+    # sorted, since the order of registration follows what happens to be imported first
+    classes = dict(sorted(EFFECTS.items(), key=lambda e: (e[1].__module__, e[1].__qualname__)))
+    for point in entry_points(group=_GROUP):
+        cls = point.load()
+        if not (isinstance(cls, type) and issubclass(cls, Effect)):
+            raise InputError(
+                f"The entry point '{point.name}' of {_GROUP} gives {cls!r}, which is no effect.",
+                "Let it name a class derived from diffthrust.Effect.",
+            )
+        if cls.name in classes:
+            raise InputError(
+                f"The entry point '{point.name}' of {_GROUP} gives an effect '{cls.name}', a name "
+                "that is taken.",
+                "Rename the effect, or remove the package.",
+            )
+        classes[cls.name] = cls
+    return classes
+
+
+def effect_named(name: str) -> Effect:
+    """The effect of a canonical name, as its class declares it."""
+    classes = catalogue()
+    if name not in classes:
+        raise InputError(
+            f"the effect {name!r} is not known; {nearby(name, classes)}.",
+            "Correct the name ('diffthrust effects' lists all); an effect of your own is added as "
+            "an object: model + MyEffect().",
+        )
+    return classes[name]()

@@ -13,12 +13,11 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section
 from diffthrust._support.validation import check_known
 from diffthrust.models._base.component import Component, changed
-from diffthrust.models._base.effect import Effect, Ports, reported_at
+from diffthrust.models._base.effect import Effect, Ports, effect_named, reported_at
 from diffthrust.models._base.made_effect import MadeEffect
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.parameter import Parameter, parameter_rows
 from diffthrust.models._base.quadratic_load import QuadraticLoad
-from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 
 C = TypeVar("C", bound=Component)
@@ -46,8 +45,17 @@ class Model(Component):
         >>> model = dft.Thruster(alpha=0.04) + dft.effects.CommandDeadband()
         >>> print(model, "|", model - "command_deadband")
         thruster + command_deadband | thruster
-        >>> model.inputs, model.states
-        ({'command': 'V'}, {'speed': 'rad/s'})
+        >>> model.inputs, model.states, model.channel_units["thrust"]
+        ({'command': 'V'}, {'speed': 'rad/s'}, 'N')
+        >>> held = model.fix("ct").bind({"alpha": 0.05})
+        >>> held.alpha, held.parameters["ct"].fixed, held.free("ct").structure == model.structure
+        (0.05, True, True)
+        >>> list(model.as_plain())
+        ['name', 'own', 'arguments', 'parameters', 'effects']
+        >>> model.replace(ct={"per_log": True}).per_log, model.initial(dft.models.Signals({}))
+        (('ct',), {})
+        >>> [effect.name for effect in model.placements(dft.effects.ActuatorLag())]
+        ['actuator_lag']
     """
 
     library: ClassVar[dict[str, type[Model]]] = {}
@@ -124,12 +132,7 @@ class Model(Component):
 
     @property
     def channel_units(self) -> dict[str, str]:
-        """The unit of each input and output.
-
-        Example:
-            >>> dft.Thruster().channel_units["thrust"]
-            'N'
-        """
+        """The unit of each input and output."""
         return {**self.outputs, **self.optional_inputs, **self.inputs}
 
     def equations(self, s: Signals, port: Ports) -> RatesAndOutputs:
@@ -170,10 +173,6 @@ class Model(Component):
         Where a log does not measure a state, a value here is the first guess of where it begins;
         one that depends on a free parameter is where it begins, in every log, and the parameter
         is estimated from that.
-
-        Example:
-            >>> dft.Thruster().initial(dft.models.Signals({}))
-            {}
         """
         return {}
 
@@ -299,30 +298,15 @@ class Model(Component):
         return base._copy(effects=tuple(effects))
 
     def fix(self, *names: str) -> Self:
-        """The model with these parameters held at their values.
-
-        Example:
-            >>> dft.Thruster().fix("ct").parameters["ct"].fixed
-            True
-        """
+        """The model with these parameters held at their values."""
         return self.replace({name: {"fixed": True} for name in names})
 
     def free(self, *names: str) -> Self:
-        """The model with these parameters to be estimated.
-
-        Example:
-            >>> dft.Vessel().free("lever_arm").parameters["lever_arm"].fixed
-            False
-        """
+        """The model with these parameters to be estimated."""
         return self.replace({name: {"fixed": False} for name in names})
 
     def bind(self, values: Mapping[str, ArrayLike]) -> Self:
-        """The model reading (possibly traced) values by full name; unnamed ones stay.
-
-        Example:
-            >>> dft.Thruster().bind({"ct": 0.03}).ct
-            0.03
-        """
+        """The model reading (possibly traced) values by full name; unnamed ones stay."""
         effects = []
         for effect in self.effects:
             full = {k: f"{effect.name}.{k}" for k in effect._parameters}
@@ -358,12 +342,7 @@ class Model(Component):
         return self._copy(effects=(*self.effects, self._fitted_in(other)))
 
     def placements(self, effect: Effect) -> Iterable[Effect]:
-        """The effect everywhere that it may act: a craft has more places than one.
-
-        Example:
-            >>> [effect.name for effect in dft.Thruster().placements(dft.effects.ActuatorLag())]
-            ['actuator_lag']
-        """
+        """The effect everywhere that it may act: a craft has more places than one."""
         return (effect,)
 
     def constant_words(self, name: str, fixed: float, wanted: float) -> str:
@@ -413,22 +392,12 @@ class Model(Component):
         return self._copy(effects=kept)
 
     def as_plain(self) -> dict[str, Any]:
-        """What it takes to make the model again, as data, with its effects.
-
-        Example:
-            >>> list(dft.Thruster().as_plain())
-            ['name', 'own', 'arguments', 'parameters', 'effects']
-        """
+        """What it takes to make the model again, as data, with its effects."""
         return {**super().as_plain(), "effects": [effect.as_plain() for effect in self.effects]}
 
     @property
     def structure(self) -> tuple[Hashable, ...]:
-        """What fixes the compiled code: classes and options of the model and its effects.
-
-        Example:
-            >>> dft.Thruster().structure == dft.Thruster(alpha=0.03).structure
-            True
-        """
+        """What fixes the compiled code: classes and options of the model and its effects."""
         return (*super().structure, *(effect.structure for effect in self.effects))
 
     @property
@@ -460,13 +429,7 @@ class Model(Component):
 
     @property
     def per_log(self) -> tuple[str, ...]:
-        """The parameters that differ from log to log; their values are means.
-
-        Example:
-            >>> model = dft.Thruster().replace(ct={"per_log": True})
-            >>> model.per_log
-            ('ct',)
-        """
+        """The parameters that differ from log to log; their values are means."""
         return tuple(name for name, p in self.parameters.items() if p.per_log)
 
     def __repr__(self) -> str:

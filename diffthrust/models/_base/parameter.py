@@ -104,6 +104,14 @@ class Parameter:
         >>> alpha = dft.Parameter(0.037, unit="1/rad", bounds=(0, None), transform="log")
         >>> alpha.limits, alpha.range_text()
         ((0.0, inf), '[0, inf) 1/rad')
+        >>> half_width = dft.Parameter(2.0, unit="{command}", bounds=(0, 8), size=4.0)
+        >>> in_volts = half_width.in_units({"command": "V"})
+        >>> in_volts.unit, in_volts.channel, in_volts.limited(9.0), in_volts.with_value(3).value
+        ('V', 'command', 8.0, 3.0)
+        >>> in_volts.scale, in_volts.to_coordinate(2.0), in_volts.from_coordinate(0.5)
+        (4.0, 0.5, 2.0)
+        >>> in_volts.coordinate_limits(), in_volts.check("half_width")
+        ((0.0, 2.0), None)
     """
 
     value: float
@@ -121,12 +129,7 @@ class Parameter:
     width: float | None = None
 
     def in_units(self, units: Mapping[str, str]) -> Parameter:
-        """The same parameter with its unit written out, from those of the channels it follows.
-
-        Example:
-            >>> dft.Parameter(0.4, unit="{command}").in_units({"command": "V"}).unit
-            'V'
-        """
+        """The same parameter with its unit written out, from those of the channels it follows."""
         pattern = self.pattern or self.unit
         if "{" not in pattern:
             return self
@@ -134,21 +137,12 @@ class Parameter:
 
     @property
     def channel(self) -> str:
-        """The channel in whose unit, or whose unit per something, it is; empty if none.
-
-        Example:
-            >>> dft.Parameter(0.4, unit="{command}").in_units({"command": "V"}).channel
-            'command'
-        """
+        """The channel in whose unit, or whose unit per something, it is; empty if none."""
         above = self.pattern.partition("/")[0]
         return above[1:-1] if above.startswith("{") else ""
 
     def check(self, name: str) -> None:
-        """Raise `InputError` where the description contradicts itself.
-
-        Example:
-            >>> dft.Parameter(0.037, bounds=(0, 1)).check("alpha")
-        """
+        """Raise `InputError` where the description contradicts itself."""
         ends = self.bounds if isinstance(self.bounds, tuple | list) else ()
         is_prior = isinstance(self.prior, Normal) or self.prior is None
         size, width = (
@@ -193,33 +187,18 @@ class Parameter:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The bounds as numbers, infinite where there is none.
-
-        Example:
-            >>> dft.Parameter(0.037, bounds=(0, None)).limits
-            (0.0, inf)
-        """
+        """The bounds as numbers, infinite where there is none."""
         low, high = self.bounds
         return (-math.inf if low is None else float(low), math.inf if high is None else float(high))
 
     def limited(self, value: float) -> float:
-        """A value within the bounds.
-
-        Example:
-            >>> dft.Parameter(0.037, bounds=(0, None)).limited(-1.0)
-            0.0
-        """
+        """A value within the bounds."""
         low, high = self.limits
         return min(max(float(value), low), high)
 
     @property
     def scale(self) -> float:
-        """The unit length of a linear coordinate: what counts as a moderate change.
-
-        Example:
-            >>> dft.Parameter(0.5, size=0.2).scale
-            0.2
-        """
+        """The unit length of a linear coordinate: what counts as a moderate change."""
         if self.size is not None:
             return self.size
         low, high = self.limits
@@ -228,32 +207,17 @@ class Parameter:
         return abs(self.value) or 1.0
 
     def with_value(self, value: float) -> Parameter:
-        """The same parameter at another value.
-
-        Example:
-            >>> dft.Parameter(0.037, unit="1/rad").with_value(0.04).value
-            0.04
-        """
+        """The same parameter at another value."""
         return self if value is self.value else replace(self, value=float(value))
 
     def to_coordinate(self, value: _Numbers) -> _Numbers:
-        """The optimiser's coordinate of a value: its logarithm, or the value over the scale.
-
-        Example:
-            >>> dft.Parameter(2.0, size=4.0).to_coordinate(2.0)
-            0.5
-        """
+        """The optimiser's coordinate of a value: its logarithm, or the value over the scale."""
         if self.transform == "log":
             return _of(value).log(value)
         return value / self.scale  # pyright: ignore[reportReturnType]
 
     def from_coordinate(self, coordinate: _Numbers) -> _Numbers:
-        """The value at a coordinate.
-
-        Example:
-            >>> dft.Parameter(2.0, size=4.0).from_coordinate(0.5)
-            2.0
-        """
+        """The value at a coordinate."""
         if self.transform == "log":
             return _of(coordinate).exp(coordinate)
         return coordinate * self.scale
@@ -263,10 +227,6 @@ class Parameter:
 
         A logarithm has no zero: where a "log" parameter may fall to zero, the optimiser is
         stopped fifteen decades below the start, and `at_bound` says so.
-
-        Example:
-            >>> dft.Parameter(2.0, bounds=(0, 8), size=4.0).coordinate_limits()
-            (0.0, 2.0)
         """
         low, high = self.limits
         if self.transform == "linear":
@@ -277,12 +237,7 @@ class Parameter:
         )
 
     def range_text(self) -> str:
-        """The bounds for people, such as ``[0, inf) 1/rad``.
-
-        Example:
-            >>> dft.Parameter(0.037, unit="1/rad", bounds=(0, None)).range_text()
-            '[0, inf) 1/rad'
-        """
+        """The bounds for people, such as ``[0, inf) 1/rad``."""
         low, high = self.limits
         lower = "(-inf" if low == -math.inf else f"[{low:g}"
         right = "inf)" if high == math.inf else f"{high:g}]"

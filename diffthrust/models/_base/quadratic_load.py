@@ -32,6 +32,8 @@ class QuadraticLoad:
         >>> load = dft.Thruster(alpha=0.037, beta=42.0, ct=0.022).quadratic_load
         >>> load.load, round(load.thrust_per_command, 2), round(load.sine_load, 4)
         (0.037, 24.97, 0.0314)
+        >>> round(load.acceleration(1.0, 10.0), 2), round(load.thrust(-10.0), 2)
+        (38.3, -2.2)
     """
 
     drive_gain: Any
@@ -49,22 +51,12 @@ class QuadraticLoad:
         return command, -speed * abs(speed)
 
     def acceleration(self, command: Any, speed: Any) -> Any:
-        """Of the shaft [rad/s^2].
-
-        Example:
-            >>> dft.models.QuadraticLoad(40.0, 0.04, 0.02).acceleration(1.0, 10.0)
-            36.0
-        """
+        """Of the shaft [rad/s^2]."""
         drive, load = self.terms(command, speed)
         return self.drive_gain * drive + self.load * load
 
     def thrust(self, speed: Any) -> Any:
-        """Of the propeller [N].
-
-        Example:
-            >>> dft.models.QuadraticLoad(40.0, 0.04, 0.02).thrust(-10.0)
-            -2.0
-        """
+        """Of the propeller [N]."""
         return self.thrust_gain * speed * abs(speed)
 
     @property

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 import jax
+import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -116,3 +117,12 @@ def expect(where: str, what: str, names: Iterable[str], returned: Mapping[str, o
             f"{where}: expected a {what} {listing(missing)}, found {listing(returned)}.",
             f"Return a value for {listing(missing)}.",
         )
+
+
+def power_law(command: Signal, exponent: Any) -> Signal:
+    """sign(command) |command|^exponent, with a derivative also at rest."""
+    turning = command != 0
+    # 1 in the place of a command of 0: 0 ** p by p is 0 * log 0, a NaN that `where` does not keep
+    # out of the derivative
+    strength = jnp.where(turning, jnp.abs(command), 1.0) ** exponent
+    return jnp.where(turning, jnp.sign(command) * strength, 0.0)

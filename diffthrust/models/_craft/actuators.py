@@ -17,8 +17,7 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signal, Signals
-from diffthrust.models._craft.placed import Placed
-from diffthrust.models._craft.scope import lifted, place_parameters
+from diffthrust.models._craft.placed import Placed, lifted, place_parameters
 from diffthrust.models._craft.six import Triple, cross, dot, lessened, scaled, times
 
 TOLD = ("inflow", "crossflow")

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Report
 from diffthrust.models._base.component import Component
-from diffthrust.models._base.effect import Effect, Ports
+from diffthrust.models._base.effect import Effect, Ports, effect_named
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.mounted import Mounted
-from diffthrust.models._base.registry import effect_named
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.actuators import PUSH, TOLD, Actuators, past, wrench
-from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.body import Body, check_body, merged, sorted_parts
 from diffthrust.models._craft.figures import craft_figure, laid_out, layout_report
-from diffthrust.models._craft.parts import check_body, merged, sorted_parts
-from diffthrust.models._craft.placed import Placed
-from diffthrust.models._craft.scope import PortsUnder, place_of, signals_under
+from diffthrust.models._craft.placed import Placed, PortsUnder, place_of, signals_under
 from diffthrust.models._craft.sensor import Sensor, Sensors
 from diffthrust.models._craft.six import Six
 
@@ -72,27 +69,21 @@ class Craft(Model):
         ...     starboard=thruster.at((-0.35, 0.285, 0)),
         ...     share=[("port", "starboard")],
         ... )
-        >>> boat.inputs
-        {'port.command': 'effort', 'starboard.command': 'effort'}
+        >>> boat.inputs, boat.groups()
+        ({'port.command': 'effort', 'starboard.command': 'effort'}, (('port', 'starboard'),))
+        >>> list(boat.parts)
+        ['body', 'port', 'starboard']
         >>> print(boat + "command_deadband" + ("port", "command_delay"))
         craft + command_deadband + port.command_delay
     """
 
     name = "craft"
-    options: ClassVar[tuple[str, ...]] = ("command",)
+    options = ("command",)
 
     body: Body
     actuators: Actuators
     sensors: Sensors
     share: tuple[tuple[str, ...], ...]
-    inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    optional_inputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    states: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    outputs: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    ports: Mapping[str, str]  # pyright: ignore[reportIncompatibleVariableOverride]
-    angles: tuple[str, ...]  # pyright: ignore[reportIncompatibleVariableOverride]
-    time_scales: tuple[float, float]  # pyright: ignore[reportIncompatibleVariableOverride]
-    horizon: float | None  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def __init__(
         self,
@@ -121,14 +112,7 @@ class Craft(Model):
     # -- its parts by their names ------------------------------------------------------------------
 
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """The actuators by their numbers: those that share them together, others alone.
-
-        Example:
-            >>> thruster = dft.Thruster()
-            >>> places = {"a": thruster.at((0, -1, 0)), "b": thruster.at((0, 1, 0))}
-            >>> dft.Craft(dft.bodies.Planar(), **places, share=["ab"]).groups()
-            (('a', 'b'),)
-        """
+        """The actuators by their numbers: those that share them together, others alone."""
         return self.actuators.groups()
 
     def actuator(self, name: str) -> Model:
@@ -175,7 +159,6 @@ class Craft(Model):
         return made._with_parameters({**made._parameters, **kept})._copy(effects=self.effects)
 
     def commanded_in(self, unit: str) -> Self:
-        """The craft with all commands in another unit; see `Model.commanded_in`."""
         converted = super().commanded_in(unit)
         if not unit:
             return converted
@@ -367,12 +350,7 @@ class Craft(Model):
 
     @property
     def parts(self) -> dict[str, Component]:
-        """Body, actuators and sensors by name.
-
-        Example:
-            >>> list(dft.Craft(dft.bodies.Axis(), aft=dft.Thruster().at((-1, 0, 0))).parts)
-            ['body', 'aft']
-        """
+        """Body, actuators and sensors by name."""
         mounts = {**self.actuators, **self.sensors}
         return {"body": self.body, **{name: m.model for name, m in mounts.items()}}
 
@@ -385,7 +363,6 @@ class Craft(Model):
         return cls(parts["body"], **{**remaining, **placed})
 
     def as_code(self, written: Callable[[Component], str]) -> str:
-        """The call that makes it."""
         lines = [written(self.body)]
         for name, m in self.actuators.items():
             more = "" if m.pointing == (1.0, 0.0, 0.0) else f", pointing={m.pointing}"

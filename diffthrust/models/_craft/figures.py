@@ -12,7 +12,7 @@ from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.words import number
 from diffthrust.models._base.mounted import Vector
 from diffthrust.models._craft.actuators import Actuators
-from diffthrust.models._craft.scope import place_of
+from diffthrust.models._craft.placed import place_of
 from diffthrust.models._craft.sensor import Sensors
 
 if TYPE_CHECKING:

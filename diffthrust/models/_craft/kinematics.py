@@ -34,6 +34,8 @@ class Kinematics(NamedTuple):
         ((1.0, 1.0, 0.0), (2.0, 0.0, 0.0))
         >>> ahead.specific_force  # at rest it would be (0, 0, -g)
         (-0.5, 0.5, -9.80665)
+        >>> ahead.down, ahead.to_world((1.0, 0.0, 0.0))
+        ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     """
 
     velocity: Six = Six()
@@ -51,23 +53,12 @@ class Kinematics(NamedTuple):
         )
 
     def to_world(self, body: Triple) -> Triple:
-        """A vector of the body's axes in those of north, east and down.
-
-        Example:
-            >>> to_east = dft.sensors.Kinematics(attitude=(0.5**0.5, 0.0, 0.0, 0.5**0.5))
-            >>> round(to_east.to_world((1.0, 0.0, 0.0))[1], 6)
-            1.0
-        """
+        """A vector of the body's axes in those of north, east and down."""
         return attitude.to_world(self.attitude, body)
 
     @property
     def down(self) -> Triple:
-        """The direction of the centre of the earth in the body's axes.
-
-        Example:
-            >>> dft.sensors.Kinematics().down
-            (0.0, 0.0, 1.0)
-        """
+        """The direction of the centre of the earth in the body's axes."""
         return attitude.down(self.attitude)
 
     @property

@@ -1,15 +1,80 @@
-"""An effect on one actuator of a craft, or on several that share their numbers."""
+"""Parts of a craft seen by themselves, under their short names, and effects on its actuators.
+
+On a craft the command of the thruster ``port`` is the signal ``port.command``, its thrust passes
+the port ``port.propeller``, its gain is the parameter ``port.gain``. The thruster's equations, and
+the effects on it, read ``s.command`` and call ``port("propeller", ...)`` as they always do.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from diffthrust._support.words import joined
 from diffthrust.models._base.component import Component
-from diffthrust.models._base.effect import Acting, Effect
+from diffthrust.models._base.effect import Acting, Effect, Ports
+from diffthrust.models._base.parameter import Parameter, Relative
 from diffthrust.models._base.signals import Signal, Signals
-from diffthrust.models._craft.scope import COMMON, lifted, signals_under
+
+COMMON = ("time", "supply_voltage")
+"""Signals of the whole craft that its parts read by the same names: one clock, one battery."""
+_PLACE = ("x", "y", "z")
+
+
+def signals_under(s: Signals, scope: str) -> Signals:
+    """The signals of a part by their short names, beside those of the whole."""
+    prefix = f"{scope}."
+    common = {name: s[name] for name in s if "." not in name}
+    short = {name.removeprefix(prefix): s[name] for name in s if name.startswith(prefix)}
+    return Signals({**common, **short})
+
+
+class PortsUnder(Ports):
+    """The ports of a part by their short names, inside those of the whole."""
+
+    def __init__(self, whole: Ports, scope: str) -> None:
+        self._whole = whole
+        self._scope = scope
+
+    def tell(self, **signals: Signal | float) -> None:
+        self._whole.tell(**{f"{self._scope}.{name}": value for name, value in signals.items()})
+
+    def __call__(self, port: str, value: Signal) -> Signal:
+        return self._whole(f"{self._scope}.{port}", value)
+
+
+def lifted(described: Parameter, scope: str, signals: Collection[str]) -> Parameter:
+    """A parameter of a part as one of the whole: units and trial values follow the part's signals.
+
+    Trial values may follow others, as the length of the logs: these are named as they were.
+    """
+    pattern, probes = described.pattern or described.unit, described.probes
+    if "{" in pattern:
+        described = replace(described, pattern=re.sub(r"\{(\w+)\}", rf"{{{scope}.\1}}", pattern))
+    if isinstance(probes, Relative) and probes.signal in signals:
+        described = replace(described, probes=replace(probes, signal=f"{scope}.{probes.signal}"))
+    return described
+
+
+def prefixed(scope: str, named: Any) -> dict[str, Any]:
+    """What belongs to a part, by the names of the whole."""
+    return {name if name in COMMON else f"{scope}.{name}": named[name] for name in named}
+
+
+def place_parameters(scope: str, place: Sequence[float]) -> dict[str, Parameter]:
+    """The place of a part, held."""
+    return {
+        f"{scope}.{axis}": Parameter(value, "m", fixed=True, size=0.3, doc="place")
+        for axis, value in zip(_PLACE, place, strict=True)
+    }
+
+
+def place_of(scope: str, values: Mapping[str, Any]) -> tuple[Any, Any, Any]:
+    """Where a part is, by the (possibly traced) values of the whole."""
+    x, y, z = (values[f"{scope}.{axis}"] for axis in _PLACE)
+    return x, y, z
 
 
 class Placed(Effect):
@@ -91,12 +156,10 @@ class Placed(Effect):
         return self.at(self.port, value, s)
 
     def at(self, port: str, value: Signal, s: Signals) -> Signal:
-        """The value that leaves the effect at one of the actuators."""
         acting = self.acting(port, s)
         return acting.effect.at(acting.port, value, acting.signals)
 
     def scaled(self, levels: Callable[[], Mapping[str, float]]) -> Effect:
-        """With sizes from the logs: those of the first actuator's signals."""
         first = self.members[0]
 
         def short() -> Mapping[str, float]:
@@ -107,20 +170,16 @@ class Placed(Effect):
         return self if adapted is inner else self._with(adapted)
 
     def consequence(self, model: Component, recorded: Collection[str] = ()) -> str:
-        """What the numbers come to, in words, as the effect says it."""
         return self.inner.consequence(model, recorded)
 
     def over_logs(self, ranges: Mapping[str, tuple[float, float]]) -> str:
-        """What the numbers come to over what the logs hold, at the first actuator."""
         scope = f"{self.members[0]}."
         return self.inner.over_logs({n.removeprefix(scope): r for n, r in ranges.items()})
 
     def of_sampling(self, step: float) -> str:
-        """What a log's held samples do to the numbers, as the effect says it."""
         return self.inner.of_sampling(step)
 
     def size_words(self, starts: Sequence[Mapping[str, float]]) -> str:
-        """Its size in words, as the effect says it of the first actuator."""
         scope = f"{self.members[0]}."
         short = [{n.removeprefix(scope): v for n, v in start.items()} for start in starts]
         return self.inner.size_words(short)
@@ -135,18 +194,15 @@ class Placed(Effect):
 
     @property
     def of_user(self) -> bool:
-        """Whether the effect is the user's own."""
         return self.effect.of_user
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """Where it is placed."""
         signals, told = self._lifting
         return {"members": self.members, "name": self.name, "signals": signals, "told": told}
 
     @property
     def parts(self) -> dict[str, Component]:
-        """The effect."""
         return {"effect": self.effect}
 
     def as_code(self, written: Callable[[Component], str]) -> str:
@@ -156,7 +212,6 @@ class Placed(Effect):
 
     @property
     def structure(self) -> tuple[Hashable, ...]:
-        """What fixes the compiled code."""
         return (type(self), self.name, self.members, self.effect.structure)
 
     def as_plain(self) -> dict[str, Any]:

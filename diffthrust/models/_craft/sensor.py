@@ -13,7 +13,7 @@ from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signal
 from diffthrust.models._craft.attitude import Quaternion
 from diffthrust.models._craft.kinematics import QUATERNION, Kinematics
-from diffthrust.models._craft.scope import place_of, place_parameters
+from diffthrust.models._craft.placed import place_of, place_parameters
 
 
 class Sensor(Component):
@@ -44,6 +44,9 @@ class Sensor(Component):
         >>> boat = dft.Craft(dft.bodies.Planar(), wheel=Log().at((0.2, 0, 0.1)))
         >>> list(boat.outputs)[-1], list(boat.parameters)[-4:]
         ('wheel.speed', ['wheel.scale', 'wheel.x', 'wheel.y', 'wheel.z'])
+        >>> moving = dft.sensors.Kinematics(dft.bodies.Six(surge=0.5))
+        >>> Log().read(moving), Log().attitude_from({"speed": 0.5})
+        ({'speed': 0.5}, None)
     """
 
     library: ClassVar[dict[str, type[Sensor]]] = {}
@@ -75,21 +78,11 @@ class Sensor(Component):
 
         Raises:
             InputError: a place that is none.
-
-        Example:
-            >>> dft.sensors.GNSS().at((0.3, 0.0, -1.0)).place
-            (0.3, 0.0, -1.0)
         """
         return Mounted(self, (*place,))  # pyright: ignore[reportArgumentType]
 
     def read(self, moving: Kinematics) -> Mapping[str, Signal]:
-        """Its readings, by name, from the motion of its place.
-
-        Example:
-            >>> moving = dft.sensors.Kinematics(dft.bodies.Six(surge=0.5))
-            >>> dft.sensors.DVL().read(moving)["surge"]
-            0.5
-        """
+        """Its readings, by name, from the motion of its place."""
         raise InputError(
             f"Sensor '{self.name}' has no readings.",
             "Define def read(self, moving): return {name: moving.velocity.surge}.",
@@ -118,10 +111,6 @@ class Sensor(Component):
         """The attitude of the craft by first readings, from its axes to north, east, down.
 
         Nothing where these do not tell it.
-
-        Example:
-            >>> dft.sensors.DVL().attitude_from({"surge": 0.5}) is None
-            True
         """
         return None
 

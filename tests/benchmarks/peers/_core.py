@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from problems import build, solve
-from trajectories import fixed_step_module, trajectory_module
+from trajectories import trajectory_module
 
 import diffthrust as dft
 
@@ -30,7 +30,7 @@ def compiled_simulation(model: dft.Model, log: dft.Log, uniform: bool) -> Callab
         np.asarray(1.0),
     )
     program = (trajectory_module.Key(model), grid), given
-    return lambda: jax.block_until_ready(fixed_step_module.compiled_simulation(*program))
+    return lambda: jax.block_until_ready(trajectory_module.compiled_simulation(*program))
 
 
 def simulation(samples: int) -> Any:

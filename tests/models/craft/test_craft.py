@@ -233,7 +233,7 @@ def test_a_craft_is_saved_and_loaded_with_its_places_and_effects(tmp_path):
 
 
 def test_the_lines_to_copy_make_the_same_craft():
-    from diffthrust.estimation._model_lines import python_lines  # private: no fit is needed
+    from diffthrust.estimation._origin import python_lines  # private: no fit is needed
 
     model = boat() + "command_deadband" + ("bow", dft.effects.ActuatorLag(time_constant=0.3))
     model = model.replace({"port.y": -0.3, "bow.alpha": {"value": 0.04, "fixed": True}})

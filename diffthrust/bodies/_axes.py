@@ -1,16 +1,53 @@
-"""A body that dives and rises."""
+"""Bodies with one degree of freedom: along an axis, and in heave."""
 
 from collections.abc import Mapping
-from typing import ClassVar
 
 import jax.numpy as jnp
 
+from diffthrust.models._axis_vehicle import PORTS, STATES, along_axis
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.parameter import parameter
-from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.models._base.signals import Rate, RatesAndOutputs, Signals
 from diffthrust.models._craft.body import Body
+from diffthrust.models._craft.kinematics import Kinematics, kinematics_of
 from diffthrust.models._craft.six import Six
+
+
+@registered
+class Axis(Body):
+    """One degree of freedom with quadratic drag, along x: `AxisVehicle` without its thrust.
+
+        mass * d(velocity)/dt = force - drag * velocity |velocity|
+        d(position)/dt        = velocity
+
+    ``mass`` includes the added mass. Source: Yoerger, Cooke & Slotine 1990, section IV; the
+    defaults are one axis of Jason Jr.
+
+    Example:
+        >>> axis = dft.Craft(dft.bodies.Axis(), aft=dft.Thruster().at((-0.5, 0, 0)))
+        >>> list(axis.outputs)
+        ['position', 'velocity', 'aft.speed', 'aft.thrust']
+    """
+
+    name = "axis"
+    states = outputs = STATES
+    ports = PORTS
+
+    mass: float = parameter(340.0, "kg", bounds=(0, None))
+    drag: float = parameter(67.0, "N s^2/m^2", bounds=(0, None))
+
+    def motion(self, s: Signals, port: Ports) -> Six:
+        return Six(surge=s.velocity)
+
+    def equations(self, s: Signals, port: Ports, water: Six, forces: Six) -> RatesAndOutputs:
+        thrust = forces.surge + 0.0 * s.velocity
+        port.tell(thrust=thrust)
+        return along_axis(s, port, thrust, self.mass, self.drag)
+
+    def kinematics(self, s: Signals, rates: Mapping[str, Rate]) -> Kinematics:
+        named = {"surge": s.velocity, "north": s.position}
+        return kinematics_of(Signals(named), {"surge": rates["velocity"]})
 
 
 @registered
@@ -34,12 +71,9 @@ class Heave(Body):
     """
 
     name = "heave"
-    states: ClassVar[Mapping[str, str]] = {"depth": "m", "heave": "m/s"}
-    outputs: ClassVar[Mapping[str, str]] = states
-    ports: ClassVar[Mapping[str, str]] = {
-        "hull": "force of the water on the hull [N]",
-        "force": "net force [N]",
-    }
+    states = {"depth": "m", "heave": "m/s"}
+    outputs = states
+    ports = {"hull": "force of the water on the hull [N]", "force": "net force [N]"}
 
     m33: float = parameter(26.0, "kg", bounds=(0, None), doc="mass with added mass")
     d33: float = parameter(5.0, "N s/m", bounds=(0, None), null=0.0, size=5.0, doc="linear damping")
@@ -52,11 +86,9 @@ class Heave(Body):
     buoyancy: float = parameter(114.8, "N", bounds=(0, None), transform="linear", size=10.0)
 
     def motion(self, s: Signals, port: Ports) -> Six:
-        """Along z."""
         return Six(heave=s.heave)
 
     def equations(self, s: Signals, port: Ports, water: Six, forces: Six) -> RatesAndOutputs:
-        """Fossen 2021, equation 6.1 in heave."""
         w = s.heave
         thrust = forces.heave + 0.0 * w
         port.tell(thrust=thrust)
