@@ -40,14 +40,14 @@ from .logs._columns import Column as Column
 from .logs._log import Log as Log
 from .logs._read import read_log as read_log
 from .logs._robots.read import read_robot_log as read_robot_log
-from .models._axis_vehicle import AxisVehicle as AxisVehicle
 from .models._base.effect import Effect as Effect
 from .models._base.model import Model as Model
 from .models._base.parameter import Normal as Normal
 from .models._base.parameter import Parameter as Parameter
 from .models._base.parameter import parameter as parameter
 from .models._craft.craft import Craft as Craft
-from .models._linear_sensor import LinearSensor as LinearSensor
+from .models._one_axis import AxisVehicle as AxisVehicle
+from .models._one_axis import LinearSensor as LinearSensor
 from .models._thrusters import DCMotorThruster as DCMotorThruster
 from .models._thrusters import DuctedThruster as DuctedThruster
 from .models._thrusters import SpeedLoopThruster as SpeedLoopThruster

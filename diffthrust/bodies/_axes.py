@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import jax.numpy as jnp
 
-from diffthrust.models._axis_vehicle import PORTS, STATES, along_axis
 from diffthrust.models._base.component import registered
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.parameter import parameter
@@ -12,6 +11,7 @@ from diffthrust.models._base.signals import Rate, RatesAndOutputs, Signals
 from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.kinematics import Kinematics, kinematics_of
 from diffthrust.models._craft.six import Six
+from diffthrust.models._one_axis import PORTS, STATES, along_axis
 
 
 @registered

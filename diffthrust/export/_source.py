@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from diffthrust.logs._written import PWM, ShownUnits
+from diffthrust.models._base.component import Mounted
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.mounted import Mounted
 
 
 @dataclass(frozen=True)

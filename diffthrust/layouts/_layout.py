@@ -14,8 +14,8 @@ from diffthrust._support.words import number
 from diffthrust.actuators import StaticThruster
 from diffthrust.layouts._mixer import Mixer
 from diffthrust.logs._written import PWM
+from diffthrust.models._base.component import Vector
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.mounted import Vector
 from diffthrust.models._craft.body import Body
 from diffthrust.models._craft.craft import Craft
 

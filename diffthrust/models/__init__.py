@@ -22,5 +22,5 @@ from diffthrust.models._thrusters import SpeedLoopThruster as SpeedLoopThruster
 from diffthrust.models._thrusters import DuctedThruster as DuctedThruster
 from diffthrust.models._vessel import Vessel as Vessel
 from diffthrust.models._thrusters import DCMotorThruster as DCMotorThruster
-from diffthrust.models._axis_vehicle import AxisVehicle as AxisVehicle
-from diffthrust.models._linear_sensor import LinearSensor as LinearSensor
+from diffthrust.models._one_axis import AxisVehicle as AxisVehicle
+from diffthrust.models._one_axis import LinearSensor as LinearSensor

@@ -13,8 +13,8 @@ from diffthrust.actuators import ACTUATORS, Azimuth, RudderPropeller
 from diffthrust.bodies import BODIES
 from diffthrust.layouts import layout_named
 from diffthrust.models import MODELS
+from diffthrust.models._base.component import Mounted
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._craft.craft import Craft
 from diffthrust.sensors import SENSORS
 from diffthrust.specs._file import SpecText, parse_toml, read_spec_text, validated

@@ -71,34 +71,6 @@ def test_the_time_scales_that_logs_must_show():
     assert dft.Vessel.horizon == 20.0
 
 
-SIGNED = {
-    "dc_motor_thruster.thrust_linear",
-    "linear_sensor.offset",
-    "linear_sensor.slope",
-    "command_offset.offset",
-    "differential_gain.gain",
-    "buoyancy.excess",
-    "propeller_walk.fraction",
-    "reverse_drive_asymmetry.change",
-    "reverse_load_asymmetry.change",
-    "reverse_propeller_asymmetry.change",
-    "reverse_thrust_asymmetry.change",
-    "rudder_inflow.gain",
-    "rudder_offset.offset",
-    "speed_sensor_offset.offset",
-    "speed_sensor_scale.change",
-    "sway_yaw_coupling.damping",
-    "sway_yaw_coupling.mass",
-    "thrust_degradation.instant",
-    "thrust_sensor_offset.offset",
-    "thrust_sensor_scale.change",
-    "water_current.to_east",
-    "water_current.to_north",
-    "wind.direction",
-    "wind.turning",
-}
-
-
 @pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 def test_every_parameter_of_every_model_describes_itself_soundly(model):
     for name, p in model().parameters.items():
@@ -107,16 +79,6 @@ def test_every_parameter_of_every_model_describes_itself_soundly(model):
         z = float(p.to_coordinate(p.value))
         assert low <= z <= high
         assert float(p.from_coordinate(z)) == pytest.approx(p.value, rel=1e-14)
-
-
-def test_only_what_has_two_directions_may_be_negative():
-    signed = {
-        f"{name}.{key}"
-        for name, cls in {**MODELS, **dft.effects.EFFECTS}.items()
-        for key, p in cls.declared.items()
-        if p.limits[0] < 0
-    }
-    assert signed == SIGNED
 
 
 @pytest.mark.parametrize("effect", dft.effects.EFFECTS.values(), ids=dft.effects.EFFECTS)

@@ -12,10 +12,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section
 from diffthrust._support.validation import check_known
-from diffthrust.models._base.component import Component, changed
+from diffthrust.models._base.component import Component, Mounted, changed
 from diffthrust.models._base.effect import Effect, Ports, effect_named, reported_at
 from diffthrust.models._base.made_effect import MadeEffect
-from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.parameter import Parameter, parameter_rows
 from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals

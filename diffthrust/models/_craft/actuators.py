@@ -12,9 +12,9 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.validation import check_known
 from diffthrust._support.words import joined, percent
+from diffthrust.models._base.component import Mounted
 from diffthrust.models._base.effect import Effect
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signal, Signals
 from diffthrust.models._craft.placed import Placed, lifted, place_parameters

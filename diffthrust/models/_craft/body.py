@@ -11,10 +11,9 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.models._base.component import Component
+from diffthrust.models._base.component import Component, Mounted
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.signals import Rate, RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.actuators import PUSH, PUSH_WORDS, Actuators
 from diffthrust.models._craft.kinematics import Kinematics, kinematics_of

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, Self
 from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.report import Report
-from diffthrust.models._base.component import Component
+from diffthrust.models._base.component import Component, Mounted
 from diffthrust.models._base.effect import Effect, Ports, effect_named
 from diffthrust.models._base.model import Model
-from diffthrust.models._base.mounted import Mounted
 from diffthrust.models._base.signals import RatesAndOutputs, Signal, Signals
 from diffthrust.models._craft.actuators import PUSH, TOLD, Actuators, past, wrench
 from diffthrust.models._craft.body import Body, check_body, merged, sorted_parts

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, unboxed
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.words import number
-from diffthrust.models._base.mounted import Vector
+from diffthrust.models._base.component import Vector
 from diffthrust.models._craft.actuators import Actuators
 from diffthrust.models._craft.placed import place_of
 from diffthrust.models._craft.sensor import Sensors

@@ -7,8 +7,7 @@ from typing import Any, ClassVar, Self
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import nearby
-from diffthrust.models._base.component import Component
-from diffthrust.models._base.mounted import Mounted
+from diffthrust.models._base.component import Component, Mounted
 from diffthrust.models._base.parameter import Parameter
 from diffthrust.models._base.signals import Signal
 from diffthrust.models._craft.attitude import Quaternion
