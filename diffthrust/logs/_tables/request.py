@@ -12,11 +12,10 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
-from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
 from diffthrust.logs._tables.table import Dates, OpenTable, Other
 from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers, times_of_day
-from diffthrust.logs._units import convert, same_unit
+from diffthrust.logs._units import CHANNEL_UNITS, convert, same_unit
 from diffthrust.logs._validate import PlaceOf, check_stamps, window
 
 _COARSE = 0.1
@@ -238,8 +237,7 @@ class TableRequest:
         clock = {} if self.clock is None or samples.dates else {"time": self.clock}
         for channel, column in {**clock, **self.columns}.items():
             stated = samples.source.units.get(column.column, "")
-            standard = CHANNELS[channel].unit if channel in CHANNELS else ""
-            default = "s" if channel == "time" else standard
+            default = "s" if channel == "time" else CHANNEL_UNITS.get(channel, "")
             unit = column.kept_unit
             if not stated or same_unit(stated, unit or default) or unit == "effort":
                 continue
