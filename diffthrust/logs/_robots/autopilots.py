@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.extras import extra
-from diffthrust.logs._damaged import damaged, reading
 from diffthrust.logs._robots.dataflash import LATEST
 from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
 from diffthrust.logs._units import unit_in
+from diffthrust.logs._untrusted import damaged, reading
 
 
 def read_telemetry(path: Path, names: Collection[str] | None) -> RobotContents:

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from diffthrust.logs._damaged import reading
 from diffthrust.logs._robots.messages import Gathered, RobotContents, damage_notes
 from diffthrust.logs._units import unit_in
+from diffthrust.logs._untrusted import reading
 
 _MARKS = (0xA3, 0x95)
 _FMT = 0x80

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing
 from diffthrust.logs._kinds import BAG, BAG_1, DATAFLASH, MCAP, TELEMETRY, ULOG, Kind
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._robots.autopilots import read_telemetry, read_ulog
 from diffthrust.logs._robots.dataflash import read_dataflash
 from diffthrust.logs._robots.messages import (
@@ -27,6 +26,7 @@ from diffthrust.logs._robots.messages import (
     split_column,
 )
 from diffthrust.logs._robots.rosbag import read_bag
+from diffthrust.logs._untrusted import MemoryBudget
 
 _READERS: Mapping[Kind, Reader] = {
     DATAFLASH: read_dataflash,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import bz2
 import struct
 import sys
-from collections.abc import Iterator
+from bz2 import BZ2File
+from collections.abc import Callable, Iterator
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from diffthrust.logs._kinds import BAG_1, MCAP, kind_of
-from diffthrust.logs._largest import MemoryBudget
+from diffthrust.logs._untrusted import MemoryBudget
 
 _CHUNK_MCAP, _CHUNK_1 = 0x06, 0x05
 _PIECE = 2**20
@@ -30,15 +31,18 @@ def check_unpacked(path: Path) -> None:
     """
     budget = MemoryBudget(path)
     for packing, stream, length in _chunks(path):
-        begin, most, size = stream.tell(), budget.remaining, 0
-        for piece in _pieces(packing, stream, length):
+        unpacker, most, size = _unpacker(packing), budget.remaining, 0
+        if unpacker is None:
+            continue
+        if length > most:
+            budget.take(length)
+        for piece in _pieces(unpacker, stream.read(length)):
             size += piece
             if size > most:
                 budget.take(size)
         # Only the implausible excess adds up over chunks: a long bag may well be larger than the
         # limit, for its reader unpacks one chunk at a time.
         budget.take(max(0, size - _DENSE * length))
-        stream.seek(begin + length)
 
 
 def _chunks(path: Path) -> Iterator[Chunk]:
@@ -92,37 +96,25 @@ def _bag_1_chunks(stream: BinaryIO, end: int) -> Iterator[Chunk]:
         stream.seek(begin + length)
 
 
-def _pieces(packing: str, stream: BinaryIO, length: int) -> Iterator[int]:
-    """Unpack the next bytes of a stream piece by piece; yields the size of each piece."""
-    unpack, remaining, data = _unpacker(packing), length, b""
-    while unpack is not None:
-        # Python's decompressors stop at the end of a frame. A bomb may consist of many small
-        # frames.
-        if unpack.eof:  # another frame may follow
-            unpack, data = _unpacker(packing), unpack.unused_data
-        if not data and unpack.needs_input:
-            data = stream.read(min(_PIECE, remaining))
-            remaining -= len(data)
-            if not data:
-                return
-        try:
-            yield len(unpack.decompress(data, _PIECE))
-        except Exception:  # damaged: its reader reports it
-            return
-        data = b""
+def _pieces(unpacker: Callable[[BinaryIO], BinaryIO], packed: bytes) -> Iterator[int]:
+    """Unpack a chunk, of any number of frames; yields the size of each piece."""
+    try:
+        with unpacker(BytesIO(packed)) as unpacked:
+            while piece := unpacked.read(_PIECE):
+                yield len(piece)
+    except Exception:  # damaged: its reader reports it
+        return
 
 
 def _unpacker(packing: str) -> Any:
-    """A decompressor from the libraries that rosbags needs; None if there is none."""
+    """What opens a packed file, of the libraries that rosbags needs; None if there is none."""
     if packing == "bz2":
-        return bz2.BZ2Decompressor()
+        return BZ2File
     if packing == "lz4":
-        from lz4.frame import LZ4FrameDecompressor
+        from lz4.frame import LZ4FrameFile
 
-        return LZ4FrameDecompressor()
+        return LZ4FrameFile
     if packing == "zstd":
         built_in = sys.version_info >= (3, 14)  # part of the standard library since then
-        return import_module(
-            "compression.zstd" if built_in else "backports.zstd"
-        ).ZstdDecompressor()
+        return import_module("compression.zstd" if built_in else "backports.zstd").ZstdFile
     return None

@@ -16,7 +16,6 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.extras import extra
 from diffthrust._support.names import listing
-from diffthrust.logs._damaged import damaged
 from diffthrust.logs._robots.messages import (
     LONGEST,
     Gathered,
@@ -26,6 +25,7 @@ from diffthrust.logs._robots.messages import (
     split_column,
 )
 from diffthrust.logs._robots.packed import check_unpacked
+from diffthrust.logs._untrusted import damaged
 
 _STEP = re.compile(r"(\w+)|\[(\d+)\]|(\.)")
 _ANGLES = ("yaw", "heading")

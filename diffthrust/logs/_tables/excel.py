@@ -13,11 +13,10 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.extras import extra
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._damaged import reading
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.frame import object_cells, text_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
 from diffthrust.logs._tables.table import Cells, OpenTable
+from diffthrust.logs._untrusted import MemoryBudget, reading
 
 _Row = Sequence[Any]
 

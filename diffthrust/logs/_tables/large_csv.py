@@ -14,8 +14,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._kinds import CONTROL, UTF_16
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells
+from diffthrust.logs._untrusted import MemoryBudget
 
 LARGE = 2**21
 """Files of at least this many bytes are read in blocks."""

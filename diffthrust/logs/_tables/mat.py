@@ -22,9 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._damaged import reading
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells, OpenTable, Other
+from diffthrust.logs._untrusted import MemoryBudget, reading
 
 _WIDEST = 64
 """A matrix with more columns than this is not a set of channels."""
