@@ -17,36 +17,11 @@ from diffthrust._support.names import listing, short_repr
 from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._read import open_table
 from diffthrust.logs._robots.fields import all_fields
-from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
+from diffthrust.logs._tables.table import Cells, Dates, Field, OpenTable, Other
 from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers
 
 _WORDS = 50
 """A column with more distinct words than this holds names or remarks, not numbers."""
-
-
-@dataclass(frozen=True)
-class Field:
-    """One column of a table, or one field of a message or topic.
-
-    Args:
-        name: what ``Column(...)`` takes, such as ``"rpm"``, ``"RCOU.C1"`` or
-            ``"/odom.twist.twist.linear.x"``.
-        values: numbers, ``(n,)``, NaN where missing or no number.
-        time: time stamps of the field [s], from the log's first message, ``(n,)``; None in a table.
-        unit: the unit stated in the file; empty if none is.
-        text: an example of a cell that is not a number; empty if there is none.
-        dates: a column of dates; its values are seconds after the first.
-        date_formats: for dates that do not begin with the year, the values for ``Column(dates=)``;
-            two if day and month cannot be told apart.
-    """
-
-    name: str
-    values: np.ndarray
-    time: np.ndarray | None = None
-    unit: str = ""
-    text: str = ""
-    dates: bool = False
-    date_formats: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -77,11 +52,7 @@ def contents(path: str | PathLike[str]) -> Contents:
     if kind.messages:
         fields, notes, parameters = all_fields(file, kind)
         word = kind.article.split(" ", 1)[1]
-        each = tuple(
-            Field(name=name, values=values, time=time, unit=unit)
-            for name, values, time, unit in fields
-        )
-        return Contents(file, word, True, each, tuple(notes), parameters=parameters)
+        return Contents(file, word, True, tuple(fields), tuple(notes), parameters=parameters)
     source = open_table(file, kind, (), strict=False)
     remarks = list(source.notes)
     columns = _columns(source, remarks)

@@ -32,16 +32,9 @@ def open_table(
             f"{path.name}: a sheet is named, expected an Excel file, found {kind.article}.",
             "leave the sheet out.",
         )
-    try:
-        if kind is EXCEL:
-            return read_excel(path, wanted, sheet)
-        if kind in _READERS:
-            return _READERS[kind](path)
-        return read_csv(path, wanted, strict)
-    except OSError as error:
-        raise InputError(
-            f"{path}: the file cannot be opened ({error}).", "check its name and permissions."
-        ) from None
+    if kind is EXCEL:
+        return read_excel(path, wanted, sheet)
+    return _READERS[kind](path) if kind in _READERS else read_csv(path, wanted, strict)
 
 
 def read_log(

@@ -13,9 +13,10 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.layouts._in_log import recorded_layout
 from diffthrust.layouts._recorded import RecordedLayout
-from diffthrust.logs._contents import Contents, Field
+from diffthrust.logs._contents import Contents
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
+from diffthrust.logs._tables.table import Field
 from diffthrust.logs._units import CHANNEL_UNITS
 from diffthrust.models._base.model import MODELS
 from diffthrust.soundness._doubts import doubts
