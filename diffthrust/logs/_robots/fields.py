@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing
 from diffthrust.logs._kinds import BAG, BAG_1, DATAFLASH, MCAP, TELEMETRY, ULOG, Kind
-from diffthrust.logs._robots.autopilots import read_telemetry, read_ulog
-from diffthrust.logs._robots.dataflash import read_dataflash
+from diffthrust.logs._robots.autopilots import read_dataflash, read_telemetry, read_ulog
 from diffthrust.logs._robots.messages import (
     LONGEST,
     Gathered,
