@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -91,25 +91,22 @@ def _columns(source: OpenTable, notes: list[str]) -> tuple[Field, ...]:
 
 
 def _field(source: OpenTable, name: str, cells: Cells) -> Field:
+    """A column of numbers or dates, or of text: numbers mixed with words, dates, or words only.
+
+    Each word that is no number is taken as a mark for missing samples, and the column is read
+    again, until it parses.
+    """
     unit = source.units.get(name, "")
     if isinstance(cells, Dates):
         return Field(name, cells.seconds, unit="s", dates=True)
     if isinstance(cells, np.ndarray):
         return Field(name, cells, unit=unit)
-    return _text_field(name, cells, unit, source.comma)  # type: ignore[arg-type]
-
-
-def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) -> Field:
-    """Parse a column of text: numbers mixed with words, dates, or words only.
-
-    Each word that is no number is taken as a mark for missing samples, and the column is read
-    again, until it parses.
-    """
+    assert not isinstance(cells, Other)  # those are left out
     missing: set[str] = set()
     text = ""
     while True:
         try:
-            values, dates, _ = text_numbers(cells, missing, comma, is_time=not missing)
+            values, dates, _ = text_numbers(cells, missing, source.comma, is_time=not missing)
         except BadCell as bad:
             # Dates that do not begin with the year: read in the first format that fits all cells,
             # with the alternatives (03.04. may be March or April).
