@@ -13,7 +13,7 @@ from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite, finite_row, whole_number
 from diffthrust.describing._formulas import FORMULAS, check_plain
 from diffthrust.estimation._result import Fit
-from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._units import CHANNEL_UNITS
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._trajectory import bare
 
@@ -50,7 +50,7 @@ def _inputs(model: Model) -> dict[str, str]:
     """Every channel that can be given to a model and its effects, with its unit."""
     channels = {**model.inputs, **model.optional_inputs}
     needed = [name for effect in model.effects for name in effect.needs if name not in channels]
-    return channels | {n: CHANNELS[n].unit if n in CHANNELS else "" for n in needed}
+    return channels | {n: CHANNEL_UNITS.get(n, "") for n in needed}
 
 
 def request(

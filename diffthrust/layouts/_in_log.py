@@ -9,7 +9,7 @@ from diffthrust._support.errors import InputError
 from diffthrust.layouts._ardupilot import ardupilot_layout
 from diffthrust.layouts._layout import RecordedLayout
 from diffthrust.layouts._px4 import px4_layout
-from diffthrust.logs._parameters import parameters_in
+from diffthrust.logs._contents import parameters_in
 
 
 def layout_in(path: str | PathLike[str]) -> RecordedLayout:

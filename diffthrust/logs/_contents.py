@@ -1,9 +1,11 @@
-"""Everything readable in the file of a log, for `look`."""
+"""Everything readable in the file of a log, for `look`, and the settings of an autopilot."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -11,40 +13,15 @@ from pathlib import Path
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.names import listing
+from diffthrust._support.names import listing, short_repr
 from diffthrust.logs._kinds import kind_of
+from diffthrust.logs._read import open_table
 from diffthrust.logs._robots.fields import all_fields
-from diffthrust.logs._tables.open import open_table
-from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
+from diffthrust.logs._tables.table import Cells, Dates, Field, OpenTable, Other
 from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers
 
 _WORDS = 50
 """A column with more distinct words than this holds names or remarks, not numbers."""
-
-
-@dataclass(frozen=True)
-class Field:
-    """One column of a table, or one field of a message or topic.
-
-    Args:
-        name: what ``Column(...)`` takes, such as ``"rpm"``, ``"RCOU.C1"`` or
-            ``"/odom.twist.twist.linear.x"``.
-        values: numbers, ``(n,)``, NaN where missing or no number.
-        time: time stamps of the field [s], from the log's first message, ``(n,)``; None in a table.
-        unit: the unit stated in the file; empty if none is.
-        text: an example of a cell that is not a number; empty if there is none.
-        dates: a column of dates; its values are seconds after the first.
-        date_formats: for dates that do not begin with the year, the values for ``Column(dates=)``;
-            two if day and month cannot be told apart.
-    """
-
-    name: str
-    values: np.ndarray
-    time: np.ndarray | None = None
-    unit: str = ""
-    text: str = ""
-    dates: bool = False
-    date_formats: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,11 +52,7 @@ def contents(path: str | PathLike[str]) -> Contents:
     if kind.messages:
         fields, notes, parameters = all_fields(file, kind)
         word = kind.article.split(" ", 1)[1]
-        each = tuple(
-            Field(name=name, values=values, time=time, unit=unit)
-            for name, values, time, unit in fields
-        )
-        return Contents(file, word, True, each, tuple(notes), parameters=parameters)
+        return Contents(file, word, True, tuple(fields), tuple(notes), parameters=parameters)
     source = open_table(file, kind, (), strict=False)
     remarks = list(source.notes)
     columns = _columns(source, remarks)
@@ -118,25 +91,22 @@ def _columns(source: OpenTable, notes: list[str]) -> tuple[Field, ...]:
 
 
 def _field(source: OpenTable, name: str, cells: Cells) -> Field:
+    """A column of numbers or dates, or of text: numbers mixed with words, dates, or words only.
+
+    Each word that is no number is taken as a mark for missing samples, and the column is read
+    again, until it parses.
+    """
     unit = source.units.get(name, "")
     if isinstance(cells, Dates):
         return Field(name, cells.seconds, unit="s", dates=True)
     if isinstance(cells, np.ndarray):
         return Field(name, cells, unit=unit)
-    return _text_field(name, cells, unit, source.comma)  # type: ignore[arg-type]
-
-
-def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) -> Field:
-    """Parse a column of text: numbers mixed with words, dates, or words only.
-
-    Each word that is no number is taken as a mark for missing samples, and the column is read
-    again, until it parses.
-    """
+    assert not isinstance(cells, Other)  # those are left out
     missing: set[str] = set()
     text = ""
     while True:
         try:
-            values, dates, _ = text_numbers(cells, missing, comma, is_time=not missing)
+            values, dates, _ = text_numbers(cells, missing, source.comma, is_time=not missing)
         except BadCell as bad:
             # Dates that do not begin with the year: read in the first format that fits all cells,
             # with the alternatives (03.04. may be March or April).
@@ -150,3 +120,74 @@ def _text_field(name: str, cells: Sequence[str | None], unit: str, comma: bool) 
                 return Field(name, np.full(len(cells), np.nan), unit=unit, text=text)
             continue
         return Field(name, values, unit="s" if dates else unit, text=text, dates=dates)
+
+
+_PARAMETER_FILES = (".param", ".params", ".parm")
+"""Endings of files in which ground stations save parameters."""
+
+# "NAME,VALUE" (Mission Planner), "NAME VALUE" (MAVProxy), or vehicle, component, name, value and
+# type in columns (QGroundControl)
+_LINE = re.compile(r"(?:\d+\s+\d+\s+)?([A-Za-z]\w*)[\s,=]+(\S+?)(?:[\s,].*)?")
+
+
+def parameters_in(path: str | PathLike[str]) -> dict[str, float]:
+    r"""Read the settings of an autopilot.
+
+    Args:
+        path: a log of ArduPilot (.bin, .tlog) or PX4 (.ulg), whose last value of a parameter
+            counts; or a file of parameters as ground stations save it (.param, .params, .parm).
+
+    Returns:
+        Values by name, such as ``FRAME_CONFIG``; empty for a log that holds none.
+
+    Raises:
+        InputError: there is no such file, it is neither, it has no parameters, or a line of it has
+            no value.
+
+    Example:
+        >>> with open("rov.param", "w") as file:
+        ...     _ = file.write("FRAME_CONFIG,2\nSERVO1_FUNCTION,33\n")
+        >>> dft.logs.parameters_in("rov.param")
+        {'FRAME_CONFIG': 2.0, 'SERVO1_FUNCTION': 33.0}
+    """
+    if not isinstance(path, str | PathLike):
+        raise InputError(
+            f"expected the path of a log or of a file of parameters, found {short_repr(path)}.",
+            'Name the file: "dive.bin".',
+        )
+    file = Path(path)
+    kind = kind_of(file)
+    if kind.messages:
+        return dict(contents(file).parameters)
+    if file.suffix.lower() not in _PARAMETER_FILES:
+        raise InputError(
+            f"{file}: expected a log of an autopilot or a file of its parameters, found "
+            f"{kind.article}.",
+            f"Name a .bin, .tlog or .ulg, or a file ending in {', '.join(_PARAMETER_FILES)}.",
+        )
+    return _listed(file)
+
+
+def _listed(file: Path) -> dict[str, float]:
+    values = {}
+    for number, line in enumerate(file.read_text("utf-8-sig", "replace").splitlines(), 1):
+        text = line.split("#")[0].strip()
+        if not text:
+            continue
+        match = _LINE.fullmatch(text)
+        try:
+            value = float(match[2]) if match else math.nan
+        except ValueError:
+            value = math.nan
+        if match is None or not math.isfinite(value):
+            raise InputError(
+                f"{file}, line {number}: expected a parameter and its value, found {text[:60]!r}.",
+                "Write it as in FRAME_CONFIG,2, or remove the line.",
+            )
+        values[match[1]] = value
+    if not values:
+        raise InputError(
+            f"{file}: expected parameters, found none.",
+            "Save the parameters of the vehicle anew from its ground station.",
+        )
+    return values

@@ -64,28 +64,28 @@ def is_bag(path: Path) -> bool:
 
 def kind_of(path: Path) -> Kind:
     """What kind of log a file is."""
+    if what := oddity(path):
+        raise InputError(f"{path}: expected a file, found {what}.", "name the file of a log.")
     try:
         if is_bag(path):
             return BAG
-        if path.is_dir():
-            raise InputError(
-                f"{path}: expected a file, found a folder.",
-                "name the file; the folder of a ROS 2 bag has a metadata.yaml.",
-            )
-        if what := oddity(path):
-            raise InputError(f"{path}: expected a file, found {what}.", "name the file of a log.")
-        with path.open("rb") as stream:
-            head = stream.read(4096)
+        is_folder, head = path.is_dir(), b""
+        if not is_folder:
+            with path.open("rb") as stream:
+                head = stream.read(4096)
     except FileNotFoundError:
         raise InputError(
             f"{path}: expected a file, found none.", "check the folder and the name of the file."
         ) from None
     except (OSError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(
             f"{path}: the file cannot be opened ({error}).", "check its name and permissions."
         ) from None
+    if is_folder:
+        raise InputError(
+            f"{path}: expected a file, found a folder.",
+            "name the file; the folder of a ROS 2 bag has a metadata.yaml.",
+        )
     if not head:
         raise InputError(
             f"{path.name}: expected a header and samples, found an empty file.",

@@ -1,6 +1,6 @@
-"""Read logs from files: columns become channels, and every defect is reported with its place."""
+"""Read logs from files with tables: each format has its reader, and columns become channels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -8,10 +8,33 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.visible import in_line
 from diffthrust.logs._columns import Column
 from diffthrust.logs._identity import log_file
-from diffthrust.logs._kinds import kind_of
+from diffthrust.logs._kinds import EXCEL, HDF5, MAT, PARQUET, Kind, kind_of
 from diffthrust.logs._log import Log
-from diffthrust.logs._tables.open import open_table
+from diffthrust.logs._tables.csv import read_csv
+from diffthrust.logs._tables.excel import read_excel
+from diffthrust.logs._tables.frame import read_parquet
+from diffthrust.logs._tables.mat import read_hdf5, read_mat
 from diffthrust.logs._tables.request import TableRequest
+from diffthrust.logs._tables.table import OpenTable
+
+_READERS = {PARQUET: read_parquet, HDF5: read_hdf5, MAT: read_mat}
+
+
+def open_table(
+    path: Path, kind: Kind, wanted: Collection[str], sheet: str | None = None, strict: bool = True
+) -> OpenTable:
+    """Open a file with a table, whose header has the wanted names.
+
+    If not ``strict``, rows that do not fit the header are cut or padded instead of refused.
+    """
+    if sheet is not None and kind is not EXCEL:
+        raise InputError(
+            f"{path.name}: a sheet is named, expected an Excel file, found {kind.article}.",
+            "leave the sheet out.",
+        )
+    if kind is EXCEL:
+        return read_excel(path, wanted, sheet)
+    return _READERS[kind](path) if kind in _READERS else read_csv(path, wanted, strict)
 
 
 def read_log(

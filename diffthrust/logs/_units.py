@@ -1,4 +1,4 @@
-"""Unit conversion at input and output. Inside the library every channel has one fixed unit."""
+"""Units of the standard channels, one each inside the library, and conversion to and from them."""
 
 import math
 import re
@@ -12,7 +12,32 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import nearest
-from diffthrust.logs._channels import CHANNELS
+
+CHANNEL_UNITS = {
+    "command": "V",  # to the motor controller
+    "speed": "rad/s",  # of the propeller shaft
+    "thrust": "N",
+    "inflow": "m/s",  # of the water that reaches the propeller
+    "flow": "m/s",  # of the water that leaves the duct
+    "supply_voltage": "V",
+    "torque": "N m",  # on the propeller shaft
+    "current": "A",
+    "propeller_speed": "rev/s",
+    "rudder_angle": "rad",  # of the rudder or of a steerable propeller
+    "left_force": "N",  # of the port thruster
+    "right_force": "N",  # of the starboard thruster
+    "wind_speed": "m/s",
+    "wind_direction": "rad",
+    "surge": "m/s",  # forward
+    "sway": "m/s",  # to starboard
+    "yaw_rate": "rad/s",  # positive to starboard
+    "north": "m",
+    "east": "m",
+    "heading": "rad",  # positive clockwise from north
+    "position": "m",  # along one axis
+    "velocity": "m/s",  # along one axis
+}
+"""The unit of each standard channel; a user's own model may have other channels."""
 
 _FACTORS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0},
@@ -262,7 +287,7 @@ def si_unit(unit: str, channel: str = "", where: Place | str = "") -> str:
     if unit == "":
         return ""
     where = where or (f"channel {channel!r}" if channel else "the unit")
-    standard = CHANNELS[channel].unit if channel in CHANNELS else None
+    standard = CHANNEL_UNITS.get(channel)
     if unit == standard:
         return unit
     if (common := _in_si(unit)) and (standard is None or standard in _IN_SI):

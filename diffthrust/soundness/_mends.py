@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._units import CHANNEL_UNITS
 from diffthrust.soundness._doubt import Doubt, Reading
 from diffthrust.soundness._record import ANGLES, Record
 
@@ -33,10 +33,9 @@ _SIGNED = (
     *("velocity", "position", "speed", "command", "force", "propeller_speed"),
 )
 """Channels whose sign may be another convention's; where two would do, the first is named."""
-_OF_CHANNELS = {name: channel.unit for name, channel in CHANNELS.items()}
 UNITS = {
     **{
-        name: _OF_CHANNELS.get(name, "N")
+        name: CHANNEL_UNITS.get(name, "N")
         for name in (*_SIGNED, *ANGLES, "left_force", "right_force")
     },
     "time": "s",

@@ -21,25 +21,15 @@ from diffthrust.logs._kinds import is_bag, kind_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
 from diffthrust.logs._robots.read import read_robot_log
-from diffthrust.logs._units import si_unit
 from diffthrust.models._base.model import Model
 from diffthrust.models._craft.craft import Craft
-from diffthrust.simulation._commands import adopted, command_kind
+from diffthrust.simulation._commands import adopted
 from diffthrust.simulation._record import bind
-from diffthrust.specs._channels import columns_of, roles_of
 from diffthrust.specs._file import NAME, SpecText, line_of, parse_spec, parse_toml, read_spec_text
+from diffthrust.specs._model import roles_of, spec_model, with_commands
 from diffthrust.specs._parts import SpecFile, TimePart
-from diffthrust.specs._quantities import fields_of
-from diffthrust.specs._scripts import (
-    check_place,
-    effect_class,
-    effect_of,
-    model_class,
-    model_with,
-    script_file,
-    trusted_folders,
-)
-from diffthrust.specs._thrusters import channels_of, craft_of, place_of, with_sensor
+from diffthrust.specs._scripts import effect_class, script_file, trusted_folders
+from diffthrust.specs._thrusters import place_of
 
 if TYPE_CHECKING:
     from diffthrust.diagnosis._result import Diagnosis
@@ -301,10 +291,14 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
     source = SpecText(text, path)
     if file.model == Craft.name:
         with source.at("thrusters"):
-            file = _with_commands(file)
+            file = with_commands(file)
     places = trusted_folders(trust)
-    model = _model(file, source, places)
+    model = spec_model(file, source, places)
     roles = roles_of(model, file, source)
+    inputs, measured = (
+        {n: channel.as_column() for n, channel in file.channels.items() if roles[n] == role}
+        for role in ("input", "measured")
+    )
     train = _files(file.logs.train, "train", source)
     holdout = _files(file.logs.holdout, "holdout", source)
     # Resolved: the same file by another path, or through a link, is the same log.
@@ -320,8 +314,8 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
         text=text,
         file=file,
         model=model,
-        inputs=columns_of(file, "input", roles),
-        measured=columns_of(file, "measured", roles),
+        inputs=inputs,
+        measured=measured,
         train=train,
         holdout=holdout,
     )
@@ -334,51 +328,6 @@ def load_spec(path: Path | str, *, trust: Path | str | Iterable[Path | str] = ()
                 f"Correct the name; there are {listing(names)}.",
             )
     return spec
-
-
-def _with_commands(file: SpecFile) -> SpecFile:
-    """A spec of a craft with the channels that its thrusters name as columns."""
-    if file.thrusters is None:
-        raise InputError(
-            "the model 'craft' needs thrusters, found no [thrusters].",
-            'Add [thrusters] with frame = "bluerov2", or [thrusters.port] with at = [x, y, z].',
-        )
-    return file.model_copy(update={"channels": {**channels_of(file), **file.channels}})
-
-
-def _model(file: SpecFile, source: SpecText, trust: Sequence[Path | str]) -> Model:
-    folder = source.path.parent
-    options = dict(file.options)
-    if file.model == Craft.name and file.thrusters is not None:
-        with source.at("thrusters"):
-            model = craft_of(file.body, file.thrusters)
-    else:
-        with source.at("model"):
-            check_place(file.model, folder, trust)
-            cls = model_class(file.model, folder)
-        # Channels for two thrusters leave no choice of the drive.
-        if "drive" in cls.options and {"left_force", "right_force"} & set(file.channels):
-            options.setdefault("drive", "twin")
-        with source.at("options", *list(file.options)[:1]):
-            model = model_with(cls, options)
-    for name, part in file.sensors.items():
-        with source.at("sensors", name):
-            model = with_sensor(model, name, part)
-    if "command" not in options:
-        for name in (name for name in model.commanded if name in file.channels):
-            with source.at(*place_of(file, name, "unit")):
-                unit = si_unit(file.channels[name].as_column().kept_unit, name)
-                model = model.commanded_in(command_kind(model, unit))
-    with source.at("effects"):
-        for entry in file.effects:
-            dotted = isinstance(entry, str) and "." in entry and ":" not in entry
-            model = model + (entry if dotted else effect_of(entry, folder, trust))
-    written = {name: channel.as_column().written for name, channel in file.channels.items()}
-    for name, settings in file.parameters.items():
-        with source.at("parameters", name):
-            model = model.replace({name: fields_of(settings, name, model, written)})
-    with source.at("fit", "per_log"):
-        return model.replace({name: {"per_log": True} for name in file.fit.per_log})
 
 
 def _files(patterns: Iterable[str], key: str, source: SpecText) -> tuple[Path, ...]:

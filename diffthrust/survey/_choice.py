@@ -10,7 +10,8 @@ import numpy as np
 
 from diffthrust.layouts._layout import RecordedLayout
 from diffthrust.logs._columns import Column
-from diffthrust.logs._contents import Contents, Field
+from diffthrust.logs._contents import Contents
+from diffthrust.logs._tables.table import Field
 from diffthrust.logs._tables.text import times_of_day
 from diffthrust.logs._units import convert
 from diffthrust.survey._guess import LIKELY, PERHAPS, SURE, Meaning

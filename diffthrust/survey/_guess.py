@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from diffthrust.logs._contents import Field
+from diffthrust.logs._tables.table import Field
 from diffthrust.logs._units import same_quantity
 from diffthrust.logs._written import PWM
 from diffthrust.survey._names import (

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
-from diffthrust.logs._channels import CHANNELS
+from diffthrust.logs._units import CHANNEL_UNITS
 
 # Spellings at the end of a name or in brackets. A spelling may stand for several units ("ms" is m/s
 # in speed_ms, a millisecond in time_ms): the quantity decides in `_guess`.
@@ -105,7 +105,7 @@ def side_of(name: str) -> str:
 
 
 UNIT_OF: dict[str, str] = {
-    **{name: channel.unit for name, channel in CHANNELS.items()},
+    **CHANNEL_UNITS,
     "time": "s",
     "latitude": "rad",
     "longitude": "rad",

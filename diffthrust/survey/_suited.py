@@ -13,10 +13,11 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust.layouts._in_log import recorded_layout
 from diffthrust.layouts._layout import RecordedLayout
-from diffthrust.logs._channels import CHANNELS
-from diffthrust.logs._contents import Contents, Field
+from diffthrust.logs._contents import Contents
 from diffthrust.logs._log import Log
 from diffthrust.logs._read import read_log
+from diffthrust.logs._tables.table import Field
+from diffthrust.logs._units import CHANNEL_UNITS
 from diffthrust.models._base.model import MODELS
 from diffthrust.soundness._doubts import doubts
 from diffthrust.survey._choice import Choice, Pick, Pool
@@ -45,7 +46,7 @@ def choice_of(contents: Contents) -> Choice:
         chosen = model(pool, plain)
         if chosen is not None:
             return _untimed(chosen)
-    spare = pool.picks([name for name in pool.by if name in CHANNELS], "")
+    spare = pool.picks([name for name in pool.by if name in CHANNEL_UNITS], "")
     return replace(plain, spare=spare).doubted(_no_model(pool))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from diffthrust._support.report import Rows, Styled
 from diffthrust._support.words import humanize, number, percent
-from diffthrust.logs._contents import Field
+from diffthrust.logs._tables.table import Field
 from diffthrust.survey._choice import Choice, Pick
 from diffthrust.survey._names import NO_CHANNEL, UNIT_OF
 from diffthrust.survey._values import numbers_of, sampling, varies

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from diffthrust.logs._contents import Field
+from diffthrust.logs._tables.table import Field
 from diffthrust.logs._written import PWM
 
 _PWM = (800.0, 2200.0)

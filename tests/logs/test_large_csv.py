@@ -110,6 +110,14 @@ def test_a_file_says_the_same_in_blocks(tmp_path, monkeypatch, name):
     assert outcome(path) == whole
 
 
+def test_numbers_of_a_large_file_are_not_read_as_text(tmp_path, monkeypatch):
+    path = tmp_path / "run.csv"
+    path.write_text(table(cells=changed(1100, 1, "n/a")))
+    in_blocks(monkeypatch)
+    cells = read_csv(path, ["t"]).read(["t", "u", "rpm"], ())
+    assert [isinstance(c, np.ndarray) for c in cells.values()] == [True, False, True]
+
+
 @pytest.mark.thorough
 def test_a_large_file_takes_a_little_more_than_its_columns(tmp_path):
     count = 200_000

@@ -14,9 +14,7 @@ from numpy.typing import ArrayLike
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing
 from diffthrust.logs._kinds import BAG, BAG_1, DATAFLASH, MCAP, TELEMETRY, ULOG, Kind
-from diffthrust.logs._largest import MemoryBudget
-from diffthrust.logs._robots.autopilots import read_telemetry, read_ulog
-from diffthrust.logs._robots.dataflash import read_dataflash
+from diffthrust.logs._robots.autopilots import read_dataflash, read_telemetry, read_ulog
 from diffthrust.logs._robots.messages import (
     LONGEST,
     Gathered,
@@ -27,6 +25,8 @@ from diffthrust.logs._robots.messages import (
     split_column,
 )
 from diffthrust.logs._robots.rosbag import read_bag
+from diffthrust.logs._tables.table import Field
+from diffthrust.logs._untrusted import MemoryBudget
 
 _READERS: Mapping[Kind, Reader] = {
     DATAFLASH: read_dataflash,
@@ -39,9 +39,6 @@ _RESTART = 1.0
 # SYSTEM/COMPONENT/MESSAGE[INSTANCE]; only the message is mandatory
 _MESSAGE = re.compile(r"(?:(\d+)/)?(?:(\d+)/)?(\w+)(?:\[(\w+)\])?")
 _ELEMENT = re.compile(r"(.+)\[(\d+)\]")
-
-NumericField = tuple[str, np.ndarray, np.ndarray, str]
-"""Name in `Column`, numbers and their time stamps from the first message on [s], and unit."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +67,14 @@ class Series:
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("inf")
 
 
-def all_fields(path: Path, kind: Kind) -> tuple[list[NumericField], list[str], Mapping[str, float]]:
+def all_fields(path: Path, kind: Kind) -> tuple[list[Field], list[str], Mapping[str, float]]:
     """All numbers of a robot's log, notes on what is damaged or left out, and its parameters."""
     _check_file(path, kind)
     contents = _READERS[kind](path, None) if kind in _READERS else read_bag(path)
     groups = [g for g in contents.gathered if g.ticks is not None and len(g.ticks) and g.values]
     stamps = [np.asarray(g.ticks, dtype=np.int64) for g in groups]
     origin = min((int(ticks.min()) for ticks in stamps), default=0)
-    fields: list[NumericField] = []
+    fields: list[Field] = []
     notes = [*contents.notes]
     for messages, ticks in zip(groups, stamps, strict=True):
         name, time = _full_name(messages, groups), (ticks - origin) / 1e9
@@ -97,7 +94,7 @@ def all_fields(path: Path, kind: Kind) -> tuple[list[NumericField], list[str], M
             # Drivers publish infinity for "no echo": a log takes only missing samples.
             numbers[~np.isfinite(numbers)] = np.nan
             unit = messages.units.get(key) or messages.units.get(key.partition("[")[0], "")
-            fields.append((f"{name}.{key}", numbers, time[order], unit))
+            fields.append(Field(f"{name}.{key}", numbers, time[order], unit))
     if not fields:
         raise InputError(
             f"{path.name}: expected messages with numbers, found none.",

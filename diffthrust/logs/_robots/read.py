@@ -20,7 +20,6 @@ from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
 from diffthrust._support.visible import in_line
-from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, fields_of_columns
 from diffthrust.logs._edits import unwrapped
 from diffthrust.logs._identity import log_file
@@ -28,6 +27,7 @@ from diffthrust.logs._kinds import kind_of
 from diffthrust.logs._log import Log
 from diffthrust.logs._robots.fields import Series, series_in
 from diffthrust.logs._robots.messages import column_place
+from diffthrust.logs._units import CHANNEL_UNITS
 from diffthrust.logs._validate import window
 
 _MESSAGES = "messages"
@@ -190,8 +190,7 @@ def _numbers(file: Path, words: Sequence[str | float]) -> list[float]:
 
 def _unwrapped(series: Series, column: Column, channel: str, *, driving: bool) -> Series:
     """The series of a channel; an angle so that nothing is interpolated between pi and -pi."""
-    standard = CHANNELS[channel].unit if channel in CHANNELS else ""
-    values = unwrapped(series.values, column.unit or standard)
+    values = unwrapped(series.values, column.unit or CHANNEL_UNITS.get(channel, ""))
     # where an angle was unwrapped it differs by turns, of 6.28 or 360
     jumps = int((np.abs(np.diff(values - series.values)) > 1.0).sum())
     notes = (*series.notes, f"{jumps} jumps of a full turn were removed") if jumps else series.notes

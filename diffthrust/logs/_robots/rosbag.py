@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 import re
+import struct
+import sys
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from bz2 import BZ2File
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
+from importlib import import_module
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.extras import extra
 from diffthrust._support.names import listing
-from diffthrust.logs._damaged import damaged
+from diffthrust.logs._kinds import BAG_1, MCAP, kind_of
 from diffthrust.logs._robots.messages import (
     LONGEST,
     Gathered,
@@ -25,7 +30,7 @@ from diffthrust.logs._robots.messages import (
     column_place,
     split_column,
 )
-from diffthrust.logs._robots.packed import check_unpacked
+from diffthrust.logs._untrusted import MemoryBudget, damaged
 
 _STEP = re.compile(r"(\w+)|\[(\d+)\]|(\.)")
 _ANGLES = ("yaw", "heading")
@@ -157,7 +162,7 @@ def _opened(path: Path) -> Iterator[Any]:
     # serve.
     store = Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.LATEST
     try:
-        check_unpacked(path)
+        _check_unpacked(path)
         with AnyReader([path], default_typestore=get_typestore(store)) as reader:
             yield reader
     except InputError:
@@ -291,3 +296,108 @@ def _numeric_fields(
                 yield f"{path}[{k}]", unit
     elif isinstance(value, _NUMBERS):
         yield path, unit
+
+
+_CHUNK_MCAP, _CHUNK_1 = 0x06, 0x05
+_PIECE = 2**20
+"""Bytes that are unpacked at a time."""
+_DENSE = 50
+"""No real log packs better than this ratio; whatever exceeds it counts against the limit."""
+
+Chunk = tuple[str, BinaryIO, int]
+"""Its compression, a stream at its first byte, and its length."""
+
+
+def _check_unpacked(path: Path) -> None:
+    """Raise InputError if a bag, a file or a folder, does not fit in memory once unpacked.
+
+    A chunk counts, and the excess of implausibly dense chunks together.
+    """
+    budget = MemoryBudget(path)
+    for packing, stream, length in _chunks(path):
+        unpacker, size = _unpacker(packing), 0
+        if unpacker is None:
+            continue
+        if length > budget.remaining:
+            budget.take(length)
+        for piece in _pieces(unpacker, stream.read(length)):
+            size += piece
+            if size > budget.remaining:
+                budget.take(size)
+        # Only the implausible excess adds up over chunks: a long bag may well be larger than the
+        # limit, for its reader unpacks one chunk at a time.
+        budget.take(max(0, size - _DENSE * length))
+
+
+def _chunks(path: Path) -> Iterator[Chunk]:
+    for file in sorted(path.iterdir()) if path.is_dir() else [path]:
+        if not file.is_file():
+            continue
+        with file.open("rb") as stream:
+            end = file.stat().st_size
+            if file.suffix == ".zstd":
+                yield "zstd", stream, end
+            elif stream.read(8) == MCAP.begins[0]:
+                yield from _mcap_chunks(stream, end)
+            elif kind_of(file) is BAG_1:
+                yield from _bag_1_chunks(stream, end)
+
+
+def _mcap_chunks(stream: BinaryIO, end: int) -> Iterator[Chunk]:
+    with suppress(struct.error):  # at the end, or cut off, which its reader reports
+        while True:
+            kind, length = struct.unpack("<BQ", stream.read(9))
+            stop = stream.tell() + length
+            if kind == _CHUNK_MCAP:
+                # Start and end time, size and checksum, then the length of the compression's name.
+                (words,) = struct.unpack_from("<I", stream.read(32), 28)
+                packing = stream.read(min(words, 16)).decode("latin-1")
+                (packed,) = struct.unpack("<Q", stream.read(8))
+                yield packing, stream, min(packed, end - stream.tell())
+            if stop > end:
+                return
+            stream.seek(stop)
+
+
+def _bag_1_chunks(stream: BinaryIO, end: int) -> Iterator[Chunk]:
+    stream.seek(len("#ROSBAG V2.0\n"))
+    while (at := stream.tell()) + 4 <= end:
+        size = struct.unpack("<I", stream.read(4))[0]
+        if at + 8 + size > end:
+            return
+        header, fields, place = stream.read(size), {}, 0
+        while place + 4 <= size:
+            length = struct.unpack_from("<I", header, place)[0]
+            name, _, value = header[place + 4 : place + 4 + length].partition(b"=")
+            fields[name] = value
+            place += 4 + length
+        length = struct.unpack("<I", stream.read(4))[0]
+        begin = stream.tell()
+        if fields.get(b"op") == bytes([_CHUNK_1]):
+            packing = fields.get(b"compression", b"").decode("latin-1")
+            yield packing, stream, min(length, end - begin)
+        stream.seek(begin + length)
+
+
+def _pieces(unpacker: Callable[[BinaryIO], BinaryIO], packed: bytes) -> Iterator[int]:
+    """Unpack a chunk, of any number of frames; yields the size of each piece."""
+    try:
+        with unpacker(BytesIO(packed)) as unpacked:
+            while piece := unpacked.read(_PIECE):
+                yield len(piece)
+    except Exception:  # damaged: its reader reports it
+        return
+
+
+def _unpacker(packing: str) -> Any:
+    """What opens a packed file, of the libraries that rosbags needs; None if there is none."""
+    if packing == "bz2":
+        return BZ2File
+    if packing == "lz4":
+        from lz4.frame import LZ4FrameFile
+
+        return LZ4FrameFile
+    if packing == "zstd":
+        built_in = sys.version_info >= (3, 14)  # part of the standard library since then
+        return import_module("compression.zstd" if built_in else "backports.zstd").ZstdFile
+    return None

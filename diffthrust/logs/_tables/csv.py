@@ -11,11 +11,11 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._kinds import CONTROL, UTF_16
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.large_csv import LARGE, scanned, top_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
 from diffthrust.logs._tables.table import Cells, OpenTable
 from diffthrust.logs._tables.text import is_number, quoted
+from diffthrust.logs._untrusted import MemoryBudget
 
 _DELIMITERS = (",", ";", "\t", " ")
 

@@ -13,11 +13,10 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.extras import extra
 from diffthrust._support.names import listing, nearest
-from diffthrust.logs._damaged import reading
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.frame import object_cells, text_of
 from diffthrust.logs._tables.placement import SEARCHED, Placement, locate, skipped_notes
 from diffthrust.logs._tables.table import Cells, OpenTable
+from diffthrust.logs._untrusted import MemoryBudget, reading
 
 _Row = Sequence[Any]
 
@@ -34,8 +33,8 @@ def read_excel(path: Path, wanted: Collection[str], sheet: str | None = None) ->
             f"name a sheet of this file{nearest(sheet, sheets, '; ')}.",
         )
     tops = {
-        name: [[_header(cell) for cell in row] for row in rows[:SEARCHED]]
-        for name, rows in sheets.items()
+        name: [["" if cell is None else text_of(cell).strip() for cell in row] for row in top]
+        for name, top in ((name, rows[:SEARCHED]) for name, rows in sheets.items())
     }
     placements = {name: at for name, top in tops.items() if (at := locate(top, wanted))}
     chosen = sheet or _chosen(path, placements, set(wanted))
@@ -128,7 +127,3 @@ def _column(path: Path, sheet: str, placement: Placement, body: Sequence[_Row], 
 def _is_formula(path: Path, sheet: str, placement: Placement, index: int) -> bool:
     body = _sheets(path, results=False)[sheet][placement.first :]
     return any(index < len(row) and str(row[index]).startswith("=") for row in body)
-
-
-def _header(cell: Any) -> str:
-    return "" if cell is None else text_of(cell).strip()

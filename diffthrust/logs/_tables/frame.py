@@ -12,9 +12,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.extras import extra
-from diffthrust.logs._damaged import reading
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells, Dates, OpenTable, Other
+from diffthrust.logs._untrusted import MemoryBudget, reading
 
 
 def read_frame(frame: Any, name: str) -> OpenTable:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import csv
+import warnings
 from collections.abc import Collection, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,8 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust.logs._kinds import CONTROL, UTF_16
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells
+from diffthrust.logs._untrusted import MemoryBudget
 
 LARGE = 2**21
 """Files of at least this many bytes are read in blocks."""
@@ -40,7 +39,7 @@ def top_of(path: Path) -> bytes | None:
 
 @dataclass(frozen=True)
 class LargeBody:
-    """The lines with samples of a file, all of one width or blank, between two offsets.
+    """The lines with samples of a file, all of one width or blank, from an offset on.
 
     A blank as delimiter stands for any number of blanks; the width counts an empty cell where lines
     end in a delimiter. ``zeros`` are bytes after the lines, ``cut`` a last line that was left out.
@@ -48,7 +47,6 @@ class LargeBody:
 
     path: Path
     begin: int
-    end: int
     rows: int
     delimiter: str
     width: int
@@ -58,74 +56,58 @@ class LargeBody:
     def cells(self, columns: Sequence[int], missing: Collection[str]) -> dict[int, Cells]:
         """The cells of some columns, from 0: numbers, or text if one holds anything else."""
         MemoryBudget(self.path).take(8 * self.rows * len(columns))
-        numeric: dict[int, Any] = {column: np.empty(self.rows) for column in columns}
-        texts: list[int] = []
-        row = 0
-        for block in _blocks(self.path, self.begin, self.end):
-            numbers = self._numbers(block, list(numeric), missing) if numeric else {}
-            texts += [column for column in numeric if column not in numbers]
-            numeric = {column: numeric[column] for column in numbers}
-            for column, values in numbers.items():
-                numeric[column][row : row + values.size] = values
-            row += block.count(b"\n") + (not block.endswith(b"\n"))
-        if row != self.rows:
-            raise InputError(
-                f"{self.path.name}: expected {self.rows} lines of samples, found {row}: the file "
-                "was changed while it was read.",
-                "read it once it is complete.",
-            )
-        cells: dict[int, Any] = dict(self._texts(texts))
-        if any("," in cell for text in cells.values() for cell in text):
+        frame = self._frame(
+            columns,
+            na_values=sorted({"", "nan", "NaN", "NAN", *missing}),
+            keep_default_na=False,
+        )
+        numeric: dict[int, Any] = {
+            c: frame[c].to_numpy(np.float64) for c in columns if frame[c].dtype.kind in "iuf"
+        }
+        del frame  # before the texts in it are read once more, as they are in the file
+        texts = self._texts([c for c in columns if c not in numeric])
+        if any("," in cell for text in texts.values() for cell in text):
             # Decimal commas in one column make decimal points in another doubtful: 1.000 may mean
             # a thousand there. As text, `text_numbers` judges them.
-            cells |= self._texts(list(numeric))
-        return {**numeric, **cells}
+            texts |= self._texts(list(numeric))
+        return {**numeric, **texts}
 
-    def _numbers(
-        self, block: bytes, columns: list[int], missing: Collection[str]
-    ) -> dict[int, np.ndarray]:
-        """The columns of a block that hold only numbers, found by bisection.
+    def _texts(self, columns: Sequence[int]) -> dict[int, list[str]]:
+        if not columns:
+            return {}
+        frame = self._frame(columns, dtype=object, na_filter=False)
+        return {column: frame[column].fillna("").tolist() for column in columns}
 
-        pandas rejects a set of columns if a single one of them is not numeric.
-        """
-        with suppress(Exception):  # a cell is no number
-            frame = self._frame(
-                block,
-                columns,
-                dtype="float64",
-                na_values=sorted({"", "nan", "NaN", "NAN", *missing}),
-                keep_default_na=False,
-                float_precision="round_trip",  # the same number as the cell-by-cell path gives
-            )
-            return {column: frame[column].to_numpy(dtype=np.float64) for column in columns}
-        half = len(columns) // 2
-        halves = (columns[:half], columns[half:]) if half else ()
-        return {c: v for part in halves for c, v in self._numbers(block, part, missing).items()}
-
-    def _texts(self, columns: list[int]) -> dict[int, list[str]]:
-        texts: dict[int, list[str]] = {column: [] for column in columns}
-        for block in _blocks(self.path, self.begin, self.end) if columns else ():
-            frame = self._frame(block, columns, dtype=object, na_filter=False)
-            for column in columns:
-                texts[column] += frame[column].fillna("").tolist()
-        return texts
-
-    def _frame(self, block: bytes, columns: Sequence[int], **options: Any) -> Any:
+    def _frame(self, columns: Sequence[int], **options: Any) -> Any:
         import pandas as pd
 
         read: Any = pd.read_csv
-        return read(
-            BytesIO(block),
-            sep=r"\s+" if self.delimiter == " " else self.delimiter,
-            header=None,
-            names=range(self.width),
-            index_col=False,
-            usecols=list(columns),
-            skip_blank_lines=False,
-            skipinitialspace=True,
-            quoting=csv.QUOTE_NONE,
-            **options,
-        )
+        if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1):  # later ones are always exact
+            options["float_precision"] = "round_trip"
+        with self.path.open("rb") as stream, warnings.catch_warnings():
+            # of a column with numbers in one part of the file and text in another
+            warnings.simplefilter("ignore", pd.errors.DtypeWarning)
+            stream.seek(self.begin)
+            frame = read(
+                stream,
+                sep=r"\s+" if self.delimiter == " " else self.delimiter,
+                header=None,
+                names=range(self.width),
+                index_col=False,
+                usecols=list(columns),
+                nrows=self.rows,
+                skip_blank_lines=False,
+                skipinitialspace=True,
+                quoting=csv.QUOTE_NONE,
+                **options,
+            )
+        if len(frame) != self.rows:
+            raise InputError(
+                f"{self.path.name}: expected {self.rows} lines of samples, found {len(frame)}: the "
+                "file was changed while it was read.",
+                "read it once it is complete.",
+            )
+        return frame
 
 
 def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | None:
@@ -151,7 +133,7 @@ def scanned(path: Path, begin: int, delimiter: str, width: int) -> LargeBody | N
         # lines only is left to the other reader, which notes them.
         if distinct == {0} or not (widths <= {0, width} or widths <= {0, width + 1}):
             return None
-    return LargeBody(path, begin, end, rows, delimiter, max(widths), zeros, cut) if rows else None
+    return LargeBody(path, begin, rows, delimiter, max(widths), zeros, cut) if rows else None
 
 
 def _counts(block: np.ndarray, delimiter: str, width: int) -> np.ndarray:

@@ -22,9 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.logs._damaged import reading
-from diffthrust.logs._largest import MemoryBudget
 from diffthrust.logs._tables.table import Cells, OpenTable, Other
+from diffthrust.logs._untrusted import MemoryBudget, reading
 
 _WIDEST = 64
 """A matrix with more columns than this is not a set of channels."""
@@ -72,16 +71,20 @@ class _Array:
     load: Callable[[], np.ndarray]
     size: int
 
-    @property
-    def is_vector(self) -> bool:
-        """Whether all numbers lie along one axis."""
-        return 0 < math.prod(self.shape) == max(self.shape, default=0)
+    def columns(self, name: str) -> Iterator[tuple[str, Column]]:
+        """Itself, if a vector; of a matrix the vectors along its shorter side: ``data(:,2)``."""
+        if 0 < math.prod(self.shape) == max(self.shape, default=0):
+            yield name, (self, 0)
+            return
+        yield name, f"an array of shape {self.shape}"
+        if len(self.shape) == 2 and 1 < min(self.shape) <= _WIDEST:
+            tall = self.shape[0] >= self.shape[1]
+            for k in range(min(self.shape)):
+                yield f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)", (self, k)
 
-    @property
-    def vectors(self) -> int:
-        """Number of vectors of a matrix, along its shorter side; 0 if it is not a matrix."""
-        narrow = min(self.shape) if len(self.shape) == 2 else 0
-        return narrow if 1 < narrow <= _WIDEST else 0
+
+Column = tuple[_Array, int] | str
+"""An array and the place of a vector in it, or what it is instead."""
 
 
 def read_mat(path: Path) -> OpenTable:
@@ -91,13 +94,11 @@ def read_mat(path: Path) -> OpenTable:
     data = path.read_bytes()
     with reading(path, "MATLAB"):
         variables = _parsed(data, budget)
-    return _vectors(path, "MATLAB file", [(name, _loaded(value)) for name, value in variables])
-
-
-def _loaded(value: np.ndarray | str) -> _Array | str:
-    if isinstance(value, str):
-        return value
-    return _Array(value.shape, lambda: value, 8 * value.size)
+    leaves = [
+        (name, v if isinstance(v, str) else _Array(v.shape, partial(np.asarray, v), 8 * v.size))
+        for name, v in variables
+    ]
+    return _vectors(path, "MATLAB file", leaves)
 
 
 def read_hdf5(path: Path) -> OpenTable:
@@ -168,31 +169,28 @@ def _vectors(path: Path, kind: str, leaves: Sequence[tuple[str, _Array | str]]) 
 
     What is not an array comes as a description.
     """
-    columns: list[tuple[str, _Array | str, int | None]] = []
+    columns: list[tuple[str, Column]] = []
     for name, value in leaves:
-        columns.append((name, value, None))
-        if isinstance(value, _Array):
-            for k in range(value.vectors):
-                tall = value.shape[0] >= value.shape[1]
-                columns.append((f"{name}(:,{k + 1})" if tall else f"{name}({k + 1},:)", value, k))
+        columns += value.columns(name) if isinstance(value, _Array) else [(name, value)]
     # Reversed: of equal names the first one counts, as in the other formats.
-    by_name = {name: (value, k) for name, value, k in reversed(columns)}
+    by_name = dict(reversed(columns))
 
     def read(wanted: Sequence[str], missing: Collection[str]) -> Mapping[str, Cells]:
-        needed: dict[int, _Array] = {}
-        for value, k in (by_name[name] for name in wanted):
-            if isinstance(value, _Array) and (k is not None or value.is_vector):
-                needed[id(value)] = value
+        chosen = {name: by_name[name] for name in wanted}
+        needed = {column[0] for column in chosen.values() if not isinstance(column, str)}
         budget = MemoryBudget(path)
-        for value in needed.values():
-            budget.take(value.size)
-        loaded = {key: value.load() for key, value in needed.items()}
-        return {name: _cells(*by_name[name], loaded) for name in wanted}
+        for array in needed:
+            budget.take(array.size)
+        loaded = {array: array.load() for array in needed}
+        return {
+            name: Other(c) if isinstance(c, str) else _vector(loaded[c[0]], c[1])
+            for name, c in chosen.items()
+        }
 
     return OpenTable(
         path.name,
         kind,
-        [name for name, *_ in columns],
+        [name for name, _ in columns],
         read,
         row_word="element",
         column_word="variable",
@@ -201,13 +199,9 @@ def _vectors(path: Path, kind: str, leaves: Sequence[tuple[str, _Array | str]]) 
     )
 
 
-def _cells(value: _Array | str, k: int | None, loaded: Mapping[int, np.ndarray]) -> Cells:
-    if isinstance(value, str):
-        return Other(value)
-    if id(value) not in loaded:
-        return Other(f"an array of shape {value.shape}")
-    numbers = loaded[id(value)]
-    if k is not None:
+def _vector(numbers: np.ndarray, k: int) -> np.ndarray:
+    """One vector of an array, by its place along the shorter side."""
+    if numbers.size > max(numbers.shape):
         numbers = numbers[:, k] if numbers.shape[0] >= numbers.shape[1] else numbers[k]
     # An unsigned or single-precision vector is as good as a double one.
     return numbers.reshape(-1).astype(np.float64)

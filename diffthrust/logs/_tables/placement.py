@@ -18,21 +18,19 @@ _WORD = re.compile(r"[^\W\d_]{3}")
 class Placement:
     """Position of a table.
 
-    ``header``, ``first``, ``unit_row`` and ``name_row`` are indices of rows: of the header, of the
-    first samples, of the units where a row has them, and of long names where they stand below the
-    header; ``preamble`` is the number of rows above the header.
-    ``units``, by column, are from the header or from a row of units below it. ``measure`` is how
-    plausible it is, to compare ways of splitting the same text into cells: number of wanted names
-    in the header, whether it is as wide as the rows of numbers, the number of those rows, their
-    share of numbers, and their width.
+    ``header`` and ``first`` are indices of rows: of the header, and of the first samples;
+    ``skipped`` says by index what rows between them hold, such as units; ``preamble`` is the number
+    of rows above the header. ``units``, by column, are from the header or from a row below it.
+    ``measure`` is how plausible it is, to compare ways of splitting the same text into cells:
+    number of wanted names in the header, whether it is as wide as the rows of numbers, the number
+    of those rows, their share of numbers, and their width.
     """
 
     names: list[str]
     header: int
     first: int
     units: dict[str, str]
-    unit_row: int | None
-    name_row: int | None
+    skipped: dict[int, str]
     preamble: int
     measure: tuple[int, bool, int, float, int]
 
@@ -75,22 +73,20 @@ def locate(rows: Sequence[Sequence[str]], wanted: Collection[str]) -> Placement 
     names = _trimmed(rows[header])
     units = {name: unit for name in names if (unit := unit_in(name))}
     below = [k for k in filled if k > header][:3]
-    name_row = unit_row = None
+    skipped: dict[int, str] = {}
     # With one row below the header it is the only sample, whatever it looks like.
     if len(below) > 1 and _are_names(rows[below[0]], rows[header]):
-        name_row = below.pop(0)
+        skipped[below.pop(0)] = "more names"
     unit_names = _units(rows[below[0]]) if len(below) > 1 else None
     if unit_names:
-        unit_row = below[0]
+        skipped[below[0]] = "units"
         units |= {name: unit for name, unit in zip(names, unit_names, strict=False) if unit}
-    above_samples = [k for k in (header, name_row, unit_row) if k is not None]
     return Placement(
         names,
         header,
-        max(above_samples) + 1,
+        max([header, *skipped]) + 1,
         units,
-        unit_row,
-        name_row,
+        skipped,
         preamble=filled.index(header),
         measure=(
             matched[header],
@@ -132,19 +128,13 @@ def skipped_notes(
 ) -> list[str]:
     """Notes on skipped rows; ``number`` gives the row numbers in the file."""
     notes: list[str] = []
-
-    def skipped(at: int, what: str) -> None:
-        cells = quoted(", ".join(rows[at]))[1:-1]
-        notes.append(f"{word} {number[at]} was skipped: it holds {what} ({cells}).")
-
     if placement.preamble:
         many = placement.preamble > 1
         which = f"{placement.preamble} {word}s were" if many else f"a {word} was"
         notes.append(f"{which} skipped: the header is {word} {number[placement.header]}.")
-    if placement.name_row is not None:
-        skipped(placement.name_row, "more names")
-    if placement.unit_row is not None:
-        skipped(placement.unit_row, "units")
+    for at, what in placement.skipped.items():
+        cells = quoted(", ".join(rows[at]))[1:-1]
+        notes.append(f"{word} {number[at]} was skipped: it holds {what} ({cells}).")
     return notes
 
 

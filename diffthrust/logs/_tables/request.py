@@ -12,11 +12,10 @@ import numpy as np
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite
-from diffthrust.logs._channels import CHANNELS
 from diffthrust.logs._columns import Column, channel_columns, each_column, fields_of_columns
 from diffthrust.logs._tables.table import Dates, OpenTable, Other
 from diffthrust.logs._tables.text import BadCell, seconds_of, text_numbers, times_of_day
-from diffthrust.logs._units import convert, same_unit
+from diffthrust.logs._units import CHANNEL_UNITS, convert, same_unit
 from diffthrust.logs._validate import PlaceOf, check_stamps, window
 
 _COARSE = 0.1
@@ -198,21 +197,20 @@ class TableRequest:
         for name in self.wanted:
             _check_column(source, name, name == clock)
         content = source.read(self.wanted, self.missing)
-        numbers, notes, dates, commas = np.empty((0, 0)), [*source.notes], False, []
-        for k, name in enumerate(self.wanted):
+        columns: list[np.ndarray] = []
+        notes, dates, commas = [*source.notes], False, []
+        for name in self.wanted:
             cells = content[name]
             if isinstance(cells, Other):
                 problem = f"expected numbers, found {cells.description}."
                 raise InputError.at(source.place(name), problem, source.mend)
-            count = len(cells.seconds if isinstance(cells, Dates) else cells)
-            if k == 0:
-                numbers = np.empty((len(self.wanted), count))
-            elif count != numbers.shape[1]:
-                problem = f"expected {numbers.shape[1]} samples as in {self.wanted[0]!r}, found "
-                problem += f"{count}."
-                raise InputError.at(source.place(name), problem, "save columns of equal length.")
             form = self.clock.dates if self.clock and name == clock else None
-            numbers[k], are_dates, have_commas = _numbers(source, name, cells, form, self.missing)
+            values, are_dates, have_commas = _numbers(source, name, cells, form, self.missing)
+            columns.append(values)
+            if values.size != columns[0].size:
+                problem = f"expected {columns[0].size} samples as in {self.wanted[0]!r}, found "
+                problem += f"{values.size}."
+                raise InputError.at(source.place(name), problem, "save columns of equal length.")
             if have_commas:
                 commas.append(name)
                 notes.append(f"column {name!r}: decimal commas were read as decimal points.")
@@ -229,8 +227,8 @@ class TableRequest:
                     f"column {name!r} has points where others have decimal commas: they were read "
                     "as decimal points."
                 )
-        rows = np.arange(1, numbers.shape[1] + 1) if source.rows is None else source.rows
-        return _Samples(source, self.wanted, numbers, rows, notes, dates)
+        rows = np.arange(1, columns[0].size + 1) if source.rows is None else source.rows
+        return _Samples(source, self.wanted, np.stack(columns), rows, notes, dates)
 
     def _unit_notes(self, samples: _Samples) -> list[str]:
         """Notes on columns that are read in another unit than the file states."""
@@ -238,8 +236,7 @@ class TableRequest:
         clock = {} if self.clock is None or samples.dates else {"time": self.clock}
         for channel, column in {**clock, **self.columns}.items():
             stated = samples.source.units.get(column.column, "")
-            standard = CHANNELS[channel].unit if channel in CHANNELS else ""
-            default = "s" if channel == "time" else standard
+            default = "s" if channel == "time" else CHANNEL_UNITS.get(channel, "")
             unit = column.kept_unit
             if not stated or same_unit(stated, unit or default) or unit == "effort":
                 continue

@@ -1,8 +1,10 @@
-"""The memory that a log may take: small files may unpack to more than there is."""
+"""Files that may be damaged, or unpack to more memory than there is."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from diffthrust._support.errors import InputError
@@ -49,3 +51,23 @@ def _largest() -> int:
             f"{LARGEST}: expected a number of MB, found {text!r}.",
             "correct the environment variable, or remove it.",
         ) from None
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """What is raised of a damaged file becomes one error: its readers raise any kind."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise damaged(path, kind, error) from None
+
+
+def damaged(path: Path, kind: str, error: Exception) -> InputError:
+    """The error for a file that its reader cannot read."""
+    reason = " ".join(str(error).split())[:160] or type(error).__name__
+    return InputError(
+        f"{path.name}: expected a {kind} file, found something that cannot be read ({reason}).",
+        "check that the file is complete, and that its name ends as its content requires.",
+    )
