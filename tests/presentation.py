@@ -1,3 +1,4 @@
+# ruff: noqa: F401  (what is imported here, tests import from here)
 """How reports, tables, words and figures are shown, whatever result they are of."""
 
 from diffthrust._support.figures import (  # private: what pages and commands draw with
@@ -36,26 +37,3 @@ from diffthrust._support.words import (  # private: all tables' digits
     number,
     with_error,
 )
-
-__all__ = [
-    "Report",
-    "Rows",
-    "Section",
-    "Styled",
-    "an",
-    "distinct_numbers",
-    "humanize",
-    "in_line",
-    "joined",
-    "listing",
-    "nearest",
-    "notebook_html",
-    "number",
-    "plain_text",
-    "report_of",
-    "report_text",
-    "thinned",
-    "unseen",
-    "visible",
-    "with_error",
-]

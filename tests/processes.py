@@ -1,12 +1,10 @@
+# ruff: noqa: F401  (what is imported here, tests import from here)
 """Processes that answer calls: what campaigns and checks run in, made to fail here."""
 
-from diffthrust._support._running import (  # private: the programs alone
-    cache,
-    programs,
-)
 from diffthrust._support._running import (  # private: what must fix a program on disk
     digest as digests,
 )
+from diffthrust._support._running import programs  # private: the programs alone
 from diffthrust._support._running.batching import (  # private: runs is_unbatched
     SharedRuns,
     run_stacked,
@@ -38,28 +36,5 @@ from diffthrust._support._running.programs import (  # private: what is asked fo
 )
 from diffthrust._support._running.stored import (  # private: users see what it saves them
     ProgramStore,
+    enable_compilation_cache,
 )
-
-__all__ = [
-    "KEPT",
-    "THREADS",
-    "NoDigest",
-    "NotSent",
-    "ProcessDied",
-    "ProcessLate",
-    "ProcessNotStarted",
-    "ProgramStore",
-    "SharedRuns",
-    "Worker",
-    "WorkerPool",
-    "as_done",
-    "cache",
-    "digest",
-    "digests",
-    "environment",
-    "one_blas_thread",
-    "own_worker",
-    "program",
-    "programs",
-    "run_stacked",
-]

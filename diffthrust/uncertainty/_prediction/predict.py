@@ -36,12 +36,10 @@ from diffthrust.simulation._step_size import sufficient_steps
 from diffthrust.simulation._trajectory import Grid, Key, march, read_out, trajectory
 from diffthrust.uncertainty._prediction.band import Band, band_of
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
-from diffthrust.uncertainty._prediction.tables import prediction_report
+from diffthrust.uncertainty._tables import prediction_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from diffthrust._support.tables import Renderable
 
 _SHORT = 0.05
 """A band covers too little if the share inside is below its level by more than this."""
@@ -64,8 +62,8 @@ class Prediction(Result):
 
     Example:
         >>> band = dft.predict(fit, fit, unseen, draws=50)
-        >>> sorted(band.coverage), band.level, band.table() is not None
-        (['speed', 'thrust'], 0.95, True)
+        >>> sorted(band.coverage), band.level
+        (['speed', 'thrust'], 0.95)
         >>> print(band.sentence[:30])
         run2.csv: the 95 % band holds
         >>> list(band.to_json())
@@ -118,12 +116,6 @@ class Prediction(Result):
             )
         # nor less: of a thruster's, of which two effects were missing, it held 92 and 94 %
         return f"{text} That is as many as asked for; a model that lacks something may do as well."
-
-    def table(self) -> Renderable:
-        """The report as a renderable of rich."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(self._report())
 
     def _report(self) -> Report:
         return prediction_report(self.channels, self.level, self.sentence, self.notes)
