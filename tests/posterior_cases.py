@@ -18,7 +18,6 @@ from diffthrust.uncertainty._profile_walk import DeeperError as DeeperError  # w
 from diffthrust.uncertainty._profile_walk import ParameterLine as ParameterLine
 from diffthrust.uncertainty._profile_walk import ProfilePoint as ProfilePoint
 from diffthrust.uncertainty._profile_walk import QuantityLine as QuantityLine
-from diffthrust.uncertainty._profile_walk import root as root
 from diffthrust.uncertainty._profile_walk import spread as spread
 from diffthrust.uncertainty._profile_walk import walk as walk
 from diffthrust.uncertainty._sampling import chain_file as chain_file  # private: marks of a file

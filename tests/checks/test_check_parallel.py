@@ -114,11 +114,3 @@ def test_processes_agree_with_this_one_and_survive_deaths(tmp_path, monkeypatch)
             assert other.found == (
                 pytest.approx(mine.found, rel=1e-9) if mine.change is not None else mine.found
             )
-
-
-def test_a_process_that_cannot_start_is_told_once(tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.executable", shutil.which("false"))
-    for name in "ab":
-        shutil.copytree(SENSOR, tmp_path / name)
-    with pytest.raises(InputError, match="cannot be started"):
-        check(tmp_path, jobs=2)
