@@ -13,16 +13,8 @@ from diffthrust._support._running.blas import (  # private: users see the time i
     THREADS,
     one_blas_thread,
 )
-from diffthrust._support._running.digest import (  # private: likewise
-    NoDigest,
-    digest,
-    environment,
-)
-from diffthrust._support._running.pool import (  # private: likewise
-    WorkerPool,
-    as_done,
-    own_worker,
-)
+from diffthrust._support._running.digest import NoDigest, digest, environment  # private: likewise
+from diffthrust._support._running.pool import WorkerPool, as_done, own_worker  # private: likewise
 from diffthrust._support._running.process import (  # private: users see what they compute
     NotSent,
     ProcessDied,
@@ -30,10 +22,7 @@ from diffthrust._support._running.process import (  # private: users see what th
     ProcessNotStarted,
     Worker,
 )
-from diffthrust._support._running.programs import (  # private: what is asked for
-    KEPT,
-    program,
-)
+from diffthrust._support._running.programs import KEPT, program  # private: what is asked for
 from diffthrust._support._running.stored import (  # private: users see what it saves them
     ProgramStore,
     enable_compilation_cache,
