@@ -11,7 +11,6 @@ from diffthrust.uncertainty import _profile as profile_module  # private: its ro
 from diffthrust.uncertainty import _sandwich as sandwich_module  # private: the block alone
 from diffthrust.uncertainty._prediction.band import mixed_quantile as mixed_quantile  # closed form
 from diffthrust.uncertainty._prediction.draws import draws_of as draws_of  # no result keeps them
-from diffthrust.uncertainty._prediction.tables import interval_text as interval_text  # digits alone
 from diffthrust.uncertainty._profile import Better as Better  # made by a call
 from diffthrust.uncertainty._profile import Profiles as Profiles
 from diffthrust.uncertainty._profile import threshold_of as threshold_of  # the threshold alone
@@ -19,7 +18,6 @@ from diffthrust.uncertainty._profile_walk import DeeperError as DeeperError  # w
 from diffthrust.uncertainty._profile_walk import ParameterLine as ParameterLine
 from diffthrust.uncertainty._profile_walk import ProfilePoint as ProfilePoint
 from diffthrust.uncertainty._profile_walk import QuantityLine as QuantityLine
-from diffthrust.uncertainty._profile_walk import root as root
 from diffthrust.uncertainty._profile_walk import spread as spread
 from diffthrust.uncertainty._profile_walk import walk as walk
 from diffthrust.uncertainty._sampling import chain_file as chain_file  # private: marks of a file
@@ -35,6 +33,7 @@ from diffthrust.uncertainty._sandwich import sample_scores as sample_scores  # t
 from diffthrust.uncertainty._sandwich import summed as summed
 from diffthrust.uncertainty._tables import Evidence as Evidence  # private: the sentences alone
 from diffthrust.uncertainty._tables import heading as heading
+from diffthrust.uncertainty._tables import interval_text as interval_text  # digits alone
 from diffthrust.uncertainty._tables import sentences as sentences
 from diffthrust.uncertainty._values import Interval as Interval  # rows that no logs give
 from diffthrust.uncertainty._values import Profile

@@ -1,33 +1,16 @@
+# ruff: noqa: F401  (what is imported here, tests import from here)
 """How reports, tables, words and figures are shown, whatever result they are of."""
 
 from diffthrust._support.figures import (  # private: what pages and commands draw with
     thinned,
     unseen,
 )
-from diffthrust._support.names import (  # private: the words of many messages
-    listing,
-    nearest,
-)
-from diffthrust._support.page import (  # private: the looks of all reports
-    notebook_html,
-)
-from diffthrust._support.report import (  # private: what is shown
-    Report,
-    Rows,
-    Section,
-    Styled,
-)
-from diffthrust._support.results import (  # private: as data
-    report_of,
-)
-from diffthrust._support.tables import (  # private: the looks of all reports
-    plain_text,
-    report_text,
-)
-from diffthrust._support.visible import (  # private: what is tested
-    in_line,
-    visible,
-)
+from diffthrust._support.names import listing, nearest  # private: the words of many messages
+from diffthrust._support.page import notebook_html  # private: the looks of all reports
+from diffthrust._support.report import Report, Rows, Section, Styled  # private: what is shown
+from diffthrust._support.results import report_of  # private: as data
+from diffthrust._support.tables import plain_text, report_text  # private: the looks of all reports
+from diffthrust._support.visible import in_line, visible  # private: what is tested
 from diffthrust._support.words import (  # private: all tables' digits
     an,
     distinct_numbers,
@@ -36,26 +19,3 @@ from diffthrust._support.words import (  # private: all tables' digits
     number,
     with_error,
 )
-
-__all__ = [
-    "Report",
-    "Rows",
-    "Section",
-    "Styled",
-    "an",
-    "distinct_numbers",
-    "humanize",
-    "in_line",
-    "joined",
-    "listing",
-    "nearest",
-    "notebook_html",
-    "number",
-    "plain_text",
-    "report_of",
-    "report_text",
-    "thinned",
-    "unseen",
-    "visible",
-    "with_error",
-]

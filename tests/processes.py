@@ -1,12 +1,10 @@
+# ruff: noqa: F401  (what is imported here, tests import from here)
 """Processes that answer calls: what campaigns and checks run in, made to fail here."""
 
-from diffthrust._support._running import (  # private: the programs alone
-    cache,
-    programs,
-)
 from diffthrust._support._running import (  # private: what must fix a program on disk
     digest as digests,
 )
+from diffthrust._support._running import programs  # private: the programs alone
 from diffthrust._support._running.batching import (  # private: runs is_unbatched
     SharedRuns,
     run_stacked,
@@ -15,16 +13,8 @@ from diffthrust._support._running.blas import (  # private: users see the time i
     THREADS,
     one_blas_thread,
 )
-from diffthrust._support._running.digest import (  # private: likewise
-    NoDigest,
-    digest,
-    environment,
-)
-from diffthrust._support._running.pool import (  # private: likewise
-    WorkerPool,
-    as_done,
-    own_worker,
-)
+from diffthrust._support._running.digest import NoDigest, digest, environment  # private: likewise
+from diffthrust._support._running.pool import WorkerPool, as_done, own_worker  # private: likewise
 from diffthrust._support._running.process import (  # private: users see what they compute
     NotSent,
     ProcessDied,
@@ -32,34 +22,8 @@ from diffthrust._support._running.process import (  # private: users see what th
     ProcessNotStarted,
     Worker,
 )
-from diffthrust._support._running.programs import (  # private: what is asked for
-    KEPT,
-    program,
-)
+from diffthrust._support._running.programs import KEPT, program  # private: what is asked for
 from diffthrust._support._running.stored import (  # private: users see what it saves them
     ProgramStore,
+    enable_compilation_cache,
 )
-
-__all__ = [
-    "KEPT",
-    "THREADS",
-    "NoDigest",
-    "NotSent",
-    "ProcessDied",
-    "ProcessLate",
-    "ProcessNotStarted",
-    "ProgramStore",
-    "SharedRuns",
-    "Worker",
-    "WorkerPool",
-    "as_done",
-    "cache",
-    "digest",
-    "digests",
-    "environment",
-    "one_blas_thread",
-    "own_worker",
-    "program",
-    "programs",
-    "run_stacked",
-]

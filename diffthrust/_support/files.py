@@ -20,21 +20,34 @@ MAKE_ROOM = "Make room there, or name a file in another place."
 _ELSEWHERE = "Name a file in a folder that exists and that you may write to."
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file under a temporary name, then rename it: never half of it."""
+def write_by_rename(target: Path, temporary: Path, data: bytes, *, durable: bool = False) -> None:
+    """Write a file under a temporary name, then rename it: never half of it.
+
+    It is on the disk before it replaces another if it is to be ``durable``: os.replace is atomic
+    for names, not for contents, and a power cut might leave a new name with an empty file.
+    """
     try:
-        # Through symbolic links: os.replace would replace the link, not the file that it points to.
-        target = Path(os.path.realpath(path))
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        try:
-            temporary.write_bytes(data)
-            if target.exists():
-                shutil.copymode(target, temporary)
-            os.replace(temporary, target)
-        except BaseException:  # Ctrl-C, too, must not leave the temporary file behind
-            with suppress(OSError):
-                temporary.unlink()
-            raise
+        with open(temporary, "wb") as file:
+            file.write(data)
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
+        if target.exists():
+            shutil.copymode(target, temporary)
+        os.replace(temporary, target)
+    except BaseException:  # Ctrl-C, too, must not leave the temporary file behind
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all; `InputError` where the system refuses."""
+    # Through symbolic links: os.replace would replace the link, not the file that it points to.
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        write_by_rename(target, temporary, data)
     except OSError as error:
         raise InputError(
             f"{path}: the file cannot be written ({error.strerror or error}).",

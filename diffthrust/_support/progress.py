@@ -188,7 +188,15 @@ def _place_to_draw() -> tuple[Callable[[str], None], bool]:
         return draw, True
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel"):
-        return _lines_below(), False
+        last = time.monotonic()
+
+        def print_now_and_then(line: str) -> None:
+            nonlocal last
+            if line and time.monotonic() - last > _LINES:
+                last = time.monotonic()
+                print(line, file=sys.stderr, flush=True)
+
+        return print_now_and_then, False
     from IPython.display import display
 
     def cell_content(line: str) -> dict[str, str]:
@@ -197,16 +205,3 @@ def _place_to_draw() -> tuple[Callable[[str], None], bool]:
     cell = display(cell_content(""), raw=True, display_id=True)
     assert cell is not None
     return lambda line: cell.update(cell_content(line), raw=True), True
-
-
-def _lines_below() -> Callable[[str], None]:
-    """A function that prints a line to the error stream, now and then."""
-    last = time.monotonic()
-
-    def print_line(line: str) -> None:
-        nonlocal last
-        if line and time.monotonic() - last > _LINES:
-            last = time.monotonic()
-            print(line, file=sys.stderr, flush=True)
-
-    return print_line

@@ -21,7 +21,7 @@ from diffthrust._support.visible import in_line
 from diffthrust.checks._expected import compared, marks_of, updated
 from diffthrust.checks._result import Checked, FitRun, not_run
 from diffthrust.simulation._step_size import CoarseStepWarning
-from diffthrust.specs._file import NAME, compile_key
+from diffthrust.specs._file import NAME
 from diffthrust.specs._scripts import as_input_error, trusted_folders
 from diffthrust.specs._spec import load_spec
 
@@ -141,7 +141,7 @@ def _run_all(tasks: Sequence[Task], jobs: int) -> Iterator[tuple[int, FitRun]]:
         yield from ((i, run_again(*task)) for i, task in enumerate(tasks))
         return
     workers = [Worker(run_again) for _ in range(jobs)]
-    with WorkerPool(workers, key=lambda task: compile_key(task.file)) as pool:
+    with WorkerPool(workers) as pool:
         yield from ((i, run.result()) for i, run in as_done(pool, _in_process, tasks))
 
 

@@ -21,12 +21,12 @@ from diffthrust._support.words import joined
 from diffthrust.estimation._origin import versions
 from diffthrust.specs._file import parse_toml
 from diffthrust.specs._parts import ExpectedNumber, ExpectedPart
+from diffthrust.uncertainty._values import Shown
 
 if TYPE_CHECKING:
     from diffthrust.estimation._result import Fit
     from diffthrust.specs._spec import Spec
 
-_NUMBERS = ("expected", "found", "tolerance", "std_error")
 _FOR_PEOPLE = ("per", "shown_unit")
 _ERRORS = ("train_nrmse", "holdout_nrmse")
 _DIGITS = 16
@@ -40,8 +40,10 @@ _RELATIVE = 1e-4
 
 
 @dataclass(frozen=True)
-class CheckRow:
+class CheckRow(Shown):
     """One quantity of one fit: expected and actual value, ``None`` where there is none."""
+
+    _in_unit = ("expected", "found", "tolerance", "std_error")
 
     fit: str
     quantity: str  # status, train_nrmse, holdout_nrmse, a parameter, or what went wrong
@@ -79,17 +81,8 @@ class CheckRow:
     def to_json(self) -> dict[str, Any]:
         """The row as plain data."""
         kept = {name: value for name, value in vars(self).items() if name not in _FOR_PEOPLE}
-        displayed = vars(self.in_display_unit)
-        written = {name: displayed[name] for name in (*_NUMBERS, "unit")}
         verdict = {"difference": self.difference, "verdict": self.verdict}
-        return {**kept, **verdict, "written": written}
-
-    @property
-    def in_display_unit(self) -> CheckRow:
-        """The same row in the display unit."""
-        numbers = {name: getattr(self, name) for name in _NUMBERS}
-        scaled = {n: self.per * x if isinstance(x, float) else x for n, x in numbers.items()}
-        return replace(self, **scaled, unit=self.shown_unit or self.unit, per=1.0, shown_unit="")
+        return {**kept, **verdict, **self._json(*self._in_unit, "unit")}
 
 
 @dataclass(frozen=True)

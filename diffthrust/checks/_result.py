@@ -106,7 +106,7 @@ def check_report(checked: Checked, everything: bool = False) -> Report:
     # By size, not by fit: one cause often moves many quantities, and the largest move shows it
     # best.
     rows = checked.rows if everything else by_size(row for row in checked.rows if not row.ok)
-    rows = [row.in_display_unit for row in rows]
+    rows = [row.shown for row in rows]
     passed = {run.fit: run.ok for run in checked.runs}
     changed = (f"{run.fit}: {run.since}" for run in checked.runs if run.since)
     table = moved_rows(rows, by_fit=everything)

@@ -56,7 +56,7 @@ def by_how_much(row: CheckRow) -> str:
 
 def sentence(row: CheckRow) -> str:
     """A row in words, for lists that hold no tables."""
-    row = row.in_display_unit
+    row = row.shown
     if row.expected is None:
         return row.quantity if row.found is None else f"{row.quantity}: {row.found}"
     by = f" ({by_how_much(row)})" if row.change is not None else ""

@@ -163,9 +163,12 @@ def sample_command(
         from diffthrust._support.progress import reporter, subtask
         from diffthrust.specs._spec import load_spec
         from diffthrust.uncertainty._sampling.arviz import write_posterior
-        from diffthrust.uncertainty._sampling.page import sample_report, write_posterior_page
         from diffthrust.uncertainty._sampling.sample import check_sampling, sample
-        from diffthrust.uncertainty._sampling.summary import sampled
+        from diffthrust.uncertainty._sampling.summary import (
+            sample_report,
+            sampled,
+            write_posterior_page,
+        )
 
         check_sampling(method, draws, warmup, chains, seed, walkers, file)  # before the fit
         loaded = load_spec(spec, trust=trust or ())

@@ -16,7 +16,7 @@ from diffthrust._support.figures import literal, styled
 from diffthrust._support.words import percent
 from diffthrust.describing._values import BandValues, DescribingValues
 from diffthrust.uncertainty._prediction.figures import bracketed, logarithmic
-from diffthrust.uncertainty._prediction.tables import evenly
+from diffthrust.uncertainty._tables import evenly
 
 _CURVES = 6
 """Curves in one panel."""

@@ -7,7 +7,7 @@ import numpy as np
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.words import number, percent
 from diffthrust.describing._values import BandValues, DescribingValues
-from diffthrust.uncertainty._prediction.tables import evenly, interval_text
+from diffthrust.uncertainty._tables import evenly, interval_text
 
 _ROWS = 8
 """Most amplitudes, and most frequencies, of a table."""

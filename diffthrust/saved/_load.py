@@ -8,9 +8,8 @@ from typing import Any, TypeVar
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.files import PathLike, oddity
-from diffthrust._support.lossless import Decoder
 from diffthrust._support.names import listing
-from diffthrust._support.saved_file import read_saved, version_of
+from diffthrust._support.saved_file import Decoder, read_saved, version_of
 from diffthrust.actuators import ACTUATORS
 from diffthrust.bodies import BODIES
 from diffthrust.diagnosis._result import Diagnosis

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from diffthrust.estimation._status import RANK_LIMIT, inflation, marginal_spread
 from diffthrust.logs._log import Log
 from diffthrust.uncertainty._sandwich import converged, pressed
 from diffthrust.uncertainty._tables import direction_rows
-
-if TYPE_CHECKING:
-    from diffthrust._support.tables import Renderable
 
 _WELL, _FAIRLY = 0.01, 0.1
 """A direction is well known to one in a hundred, known to one in ten, and hardly known beyond."""
@@ -85,8 +82,8 @@ class Directions(Result):
         >>> result = dft.uncertainty.directions(fit, log)
         >>> len(result.directions), len(result.sentences)
         (3, 3)
-        >>> len(result.to_json()), result.table() is not None
-        (3, True)
+        >>> len(result.to_json())
+        3
     """
 
     directions: tuple[Direction, ...]
@@ -106,12 +103,6 @@ class Directions(Result):
         """One for each direction, and one on held parameters."""
         sentences = [d.sentence for d in self.directions]
         return sentences + ([f"held at a bound: {', '.join(self.held)}"] if self.held else [])
-
-    def table(self) -> Renderable:
-        """A rich table: how well each direction is determined, and its parameters."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(self._report())
 
     def _report(self) -> Report:
         rows = direction_rows((d.std_error, d.grade, d.members) for d in self.directions)

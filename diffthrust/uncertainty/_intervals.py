@@ -35,8 +35,6 @@ from diffthrust.uncertainty._values import Interval, Row
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diffthrust._support.tables import Renderable
-
 _WHITE = 0.1
 """Residuals with a lag-one correlation below this count as white: standard errors are then too
 short by at most a tenth."""
@@ -61,8 +59,8 @@ class Intervals(Result):
 
     Example:
         >>> result = dft.intervals(fit, log)
-        >>> result.methods, result.level, len(result.sentences), result.table() is not None
-        (('covariance', 'sandwich', 'profile'), 0.95, 1, True)
+        >>> result.methods, result.level, len(result.sentences)
+        (('covariance', 'sandwich', 'profile'), 0.95, 1)
         >>> list(result.to_json())
         ['schema', 'level', 'correlation', 'notes', 'parameters', 'directions']
         >>> figure = result.plot()
@@ -97,12 +95,6 @@ class Intervals(Result):
     def _line(self) -> str:
         each = ", ".join(f"{row.name} by {row.recommended}" for row in self.rows.values())
         return f"{100 * self.level:g} %: {each}"
-
-    def table(self) -> Renderable:
-        """The report as a renderable of rich."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(self._report())
 
     def _report(self) -> Report:
         rows = [row.shown for row in self.rows.values()]

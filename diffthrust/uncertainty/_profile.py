@@ -195,7 +195,13 @@ def profiles_of(
     for _ in range(_ROUNDS):
         try:
             profiles = []
-            lines = _lines(fit, problem, best, names, quantities, units)
+            # what is profiled, with what the fit's covariance says of it
+            lines: list[tuple[Line, Estimate | Quantity]] = [
+                (ParameterLine(problem, name, best), fit.parameters[name]) for name in names
+            ]
+            if quantities is not None:
+                for index, (name, known) in enumerate(derived(fit, quantities, units).items()):
+                    lines.append((QuantityLine(problem, name, quantities, index, best), known))
             for index, (line, estimate) in enumerate(lines):
                 report(f"profile of {line.name}", index / len(lines))
                 profiles.append(_profile(line, estimate, threshold, level))
@@ -264,24 +270,6 @@ def degrees_of(problem: Problem, z: np.ndarray) -> float:
     degrees = float(np.sum(problem.numbers.counts)) - z.size
     estimated = problem.layout.likelihood.law.closed and not any(problem.layout.known_noise)
     return degrees if estimated and degrees >= 1 else math.inf
-
-
-def _lines(
-    fit: Fit,
-    problem: Problem,
-    best: ProfilePoint,
-    names: Sequence[str],
-    function: Function | None,
-    units: Mapping[str, str],
-) -> list[tuple[Line, Estimate | Quantity]]:
-    """What is profiled, with what the fit's covariance says of it."""
-    lines: list[tuple[Line, Estimate | Quantity]] = [
-        (ParameterLine(problem, name, best), fit.parameters[name]) for name in names
-    ]
-    if function is not None:
-        for index, (name, quantity) in enumerate(derived(fit, function, units).items()):
-            lines.append((QuantityLine(problem, name, function, index, best), quantity))
-    return lines
 
 
 def _profile(line: Line, estimate: Estimate | Quantity, threshold: float, level: float) -> Profile:

@@ -1,4 +1,4 @@
-"""The rows and sentences of profiles, intervals and directions, as data."""
+"""The rows and sentences of intervals, directions, predictions and quantities, as data."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from diffthrust._support.report import Bullets, Report, Rows, Section
-from diffthrust._support.words import with_error
+import numpy as np
+
+from diffthrust._support.report import Bullets, Report, Rows, Section, notes
+from diffthrust._support.words import number, percent, with_error
 from diffthrust.estimation._arguments import LIKELIHOODS, NOISE_MODELS
 from diffthrust.estimation._result import Fit
+from diffthrust.uncertainty._prediction.band import Band, DerivedQuantity
 from diffthrust.uncertainty._values import (
     Interval,
     Profile,
@@ -220,3 +223,67 @@ def _posterior_apart(e: Evidence, name: str) -> Iterator[str]:
             "or the chains have not converged"
         )
     yield f"{name}: posterior and profile differ at {where}: {why}."
+
+
+_POINTS = 12
+"""Most points of a curve in a table."""
+
+
+def interval_text(median: float, low: float, high: float) -> tuple[str, str, str]:
+    """Median and ends, all to the second digit of half the interval's width."""
+    half = 0.5 * (high - low)
+    if not (np.isfinite([median, low, high]).all() and half > 0):
+        return number(median), number(low), number(high)
+    places = 1 - int(np.floor(np.log10(half)))
+    if 0 <= places <= 8 and 1e-4 <= max(abs(low), abs(high)) < 1e6:
+        return f"{median:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
+    top = int(np.floor(np.log10(max(abs(low), abs(high)))))
+    digits = min(max(2, top + places + 1), 12)
+    return number(median, digits), number(low, digits), number(high, digits)
+
+
+def evenly(size: int, most: int) -> np.ndarray:
+    """Indices of at most so many points, first and last among them."""
+    return np.unique(np.linspace(0, size - 1, min(size, most)).round().astype(int))
+
+
+def prediction_report(
+    channels: Mapping[str, Band], level: float, sentence: str, remarks: Iterable[str]
+) -> Report:
+    """Coverage by channel, and in words."""
+    rows = ((n, percent(band.coverage), str(band.samples)) for n, band in channels.items())
+    headings = ("Channel", f"Inside {percent(level)} band", "Samples")
+    return Report(Section("", Rows.of(headings, rows, numbers=(1, 2)), sentence, *notes(remarks)))
+
+
+def quantities_report(
+    quantities: Iterable[DerivedQuantity], level: float, remarks: Iterable[str]
+) -> Report:
+    """Intervals of the numbers, then each curve, at some of its points where it has many."""
+    ends = (f"{percent(level)} from", "to")
+    quantities = [q.shown for q in quantities]
+    numbers = [
+        (q.name, *interval_text(float(q.median), float(q.low), float(q.high)), q.unit)
+        for q in quantities
+        if q.grid is None
+    ]
+    headings = ("Quantity", "Median", *ends, "Unit")
+    curves = (_curve_rows(q, q.grid, ends) for q in quantities if q.grid is not None)
+    return Report(
+        Section("", Rows.of(headings, numbers, numbers=(1, 2, 3))),
+        *(Section("", rows) for rows in curves),
+        Section("", *notes(remarks)),
+    )
+
+
+def _curve_rows(q: DerivedQuantity, grid: np.ndarray, ends: tuple[str, str]) -> Rows:
+    unit = f" [{q.grid_unit}]" if q.grid_unit else ""
+    headings = (f"{q.grid_name}{unit}", f"{q.name}{f' [{q.unit}]' if q.unit else ''}", *ends)
+    rows = (
+        (
+            f"{float(grid[at]):.6g}",
+            *interval_text(float(q.median[at]), float(q.low[at]), float(q.high[at])),
+        )
+        for at in evenly(grid.size, _POINTS)
+    )
+    return Rows.of(headings, rows, numbers=range(4))

@@ -29,9 +29,9 @@ class Interval(NamedTuple):
 
 
 def scaled(value: Any, per: float) -> Any:
-    """Multiply a number, an array, an interval or a mapping of these; an open end stays open."""
-    if value is None:
-        return None
+    """Multiply a number, an array, an interval or a mapping of these; no open end, and no word."""
+    if value is None or isinstance(value, str):
+        return value
     if isinstance(value, Mapping):
         return {name: scaled(item, per) for name, item in value.items()}
     if isinstance(value, tuple):

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from diffthrust._support.later import Later  # private: nothing public makes one
-from diffthrust._support.lossless import encoded  # private: as files are written
+from diffthrust._support.saved_file import encoded  # private: as files are written
 
 
 def counted():

@@ -54,14 +54,42 @@ print(sum(p.traces for p in seen), drag.value.hex(), drag.std_error.hex())
 """
 
 
-def run(script: str, folder: Path, path: Path) -> list[str]:
+def started(path: Path, cache: Path | None) -> subprocess.Popen[str]:
+    """A script in a process of its own, which keeps compiled code in a folder if one is given."""
+    others = ("JAX_COMPILATION_CACHE_DIR", "DIFFTHRUST_CACHE")
+    env = {k: v for k, v in os.environ.items() if k not in others} | {"PYTHONPATH": str(ROOT)}
+    env |= {"DIFFTHRUST_CACHE": str(cache)} if cache else {}
+    return subprocess.Popen([sys.executable, path], env=env, stdout=subprocess.PIPE, text=True)
+
+
+def ended(process: subprocess.Popen[str]) -> list[str]:
+    """The words that a script has printed."""
+    words = process.communicate(timeout=300)[0].split()
+    assert process.returncode == 0
+    return words
+
+
+def run(script: str, cache: Path | None, path: Path) -> list[str]:
     path.write_text(script)
-    env = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
-    env |= {"PYTHONPATH": str(ROOT), "DIFFTHRUST_CACHE": str(folder)}
-    made = subprocess.run(
-        [sys.executable, str(path)], check=True, env=env, timeout=300, capture_output=True
-    )
-    return made.stdout.decode().split()
+    return ended(started(path, cache))
+
+
+@pytest.mark.thorough
+def test_a_second_script_compiles_nothing(tmp_path: Path) -> None:
+    cache, path = tmp_path / "cache", tmp_path / "sled.py"
+    kept = []
+    for _ in range(2):
+        run("DRAG = 1.0\n" + SCRIPT, cache, path)
+        kept.append({entry.name for entry in cache.iterdir() if entry.name.endswith("-cache")})
+    assert kept[0]
+    assert kept[1] == kept[0]
+
+
+@pytest.mark.thorough
+def test_a_folder_that_a_script_has_chosen_stays(tmp_path: Path) -> None:
+    chosen = f"import jax\njax.config.update('jax_compilation_cache_dir', {str(tmp_path)!r})\n"
+    check = f"\nassert jax.config.jax_compilation_cache_dir == {str(tmp_path)!r}\n"
+    run(f"{chosen}DRAG = 1.0\n{SCRIPT}{check}", None, tmp_path / "sled.py")
 
 
 @pytest.mark.thorough
@@ -78,18 +106,12 @@ def test_a_users_own_model_is_traced_once_until_its_source_changes(tmp_path: Pat
 
 @pytest.mark.thorough
 def test_two_processes_that_write_at_once(tmp_path: Path) -> None:
-    source = "DRAG = 1.0\n" + SCRIPT
-    path = tmp_path / "sled.py"
-    path.write_text(source)
-    env = {k: v for k, v in os.environ.items() if k != "JAX_COMPILATION_CACHE_DIR"}
-    env |= {"PYTHONPATH": str(ROOT), "DIFFTHRUST_CACHE": str(tmp_path / "cache")}
-    both = [
-        subprocess.Popen([sys.executable, str(path)], env=env, stdout=subprocess.PIPE)
-        for _ in range(2)
-    ]
-    told = [process.communicate(timeout=300)[0].decode().split()[1:] for process in both]
+    cache, path = tmp_path / "cache", tmp_path / "sled.py"
+    path.write_text("DRAG = 1.0\n" + SCRIPT)
+    both = [started(path, cache) for _ in range(2)]
+    told = [ended(process)[1:] for process in both]
     assert told[0] == told[1]
-    assert run(source, tmp_path / "cache", path) == ["0", *told[0]]
+    assert ended(started(path, cache)) == ["0", *told[0]]
     names = {path.suffix for path in (tmp_path / "cache" / "programs").iterdir()}
     assert names == {".program"}  # nothing half-written is left
 

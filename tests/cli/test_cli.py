@@ -14,11 +14,11 @@ import jax
 import pytest
 from command_line import refused, run
 from places import FITS, ROOT
-from processes import cache
+from processes import enable_compilation_cache
 
 import diffthrust
 import diffthrust as dft
-from diffthrust.cli._demo_logs import HIDDEN, hidden_folder  # private: what is hidden
+from diffthrust.cli._demo import hidden_effects, hidden_folder  # private: what is hidden
 from diffthrust.specs import load_spec
 
 pytestmark = pytest.mark.usefixtures("no_cache")
@@ -188,19 +188,19 @@ def _jax_cache_settings():
 def test_the_cache_never_breaks_anything(tmp_path, monkeypatch):
     for off in ("", "off", "OFF"):
         monkeypatch.setenv("DIFFTHRUST_CACHE", off)
-        assert cache.enable_compilation_cache() is None
+        assert enable_compilation_cache() is None
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("DIFFTHRUST_CACHE", str(tmp_path / "file"))
-    assert cache.enable_compilation_cache() is None
+    assert enable_compilation_cache() is None
     monkeypatch.setenv("DIFFTHRUST_CACHE", str(tmp_path / "new"))
-    assert cache.enable_compilation_cache() == tmp_path / "new"
+    assert enable_compilation_cache() == tmp_path / "new"
 
 
 def test_the_demo_of_a_missing_effect_is_a_folder_like_a_users(tmp_path):
     spec = load_spec(hidden_folder(tmp_path / "out"))
     train, unseen = spec.train_logs(), spec.holdout_logs()
     plain = dft.fit(spec.model, train, holdout=unseen, starts=2)
-    better = dft.fit(spec.model + list(HIDDEN), train, holdout=unseen, starts=2)
+    better = dft.fit(spec.model + list(hidden_effects()), train, holdout=unseen, starts=2)
     assert plain.holdout.nrmse > 0.05
     assert better.holdout.channels["thrust"].rmse == pytest.approx(0.2, rel=0.05)  # the sensor's
     assert better.parameters["command_deadband.half_width"].value == pytest.approx(0.25, rel=0.02)

@@ -1,9 +1,10 @@
-"""``diffthrust look``, and where the other commands point to it."""
+"""``diffthrust look``, where other commands point to it, and what ``explore`` cannot open."""
 
 from __future__ import annotations
 
 import json
 
+import example_names
 import pytest
 from command_line import run
 from survey.strange_logs import thruster, write_table
@@ -83,3 +84,12 @@ def test_what_is_no_log_is_told_with_what_is_read(tmp_path):
     assert "fewer than two columns" in run("look", tmp_path / "fit.toml", status=2).output
     (tmp_path / "empty").mkdir()
     assert "expected a folder with logs" in run("look", tmp_path / "empty", status=2).output
+
+
+def test_what_cannot_be_opened_ends_with_a_message(tmp_path):
+    assert "the spec file cannot be read" in run("explore", tmp_path / "no.toml", status=2).output
+    text = example_names.SPEC.replace('"thruster"', '"own.py:Mine"')
+    (tmp_path / "fit.toml").write_text(text)
+    refused = run("explore", tmp_path, "--no-browser", status=2).output
+    assert "it names the script own.py, which the workbench does not run" in refused
+    assert f"--trust {tmp_path}" in refused

@@ -100,11 +100,17 @@ def test_what_changed_is_done_again(dives, what):
     assert (folder / "report.html").exists() == (what == "page")
 
 
-def test_a_script_that_a_spec_names_counts(dives):
+def own_script(dives: Path) -> Path:
+    """The script of a user's own model, which the first spec names."""
     spec = dives / "a" / "fit.toml"
     spec.write_text(SENSOR.replace('"linear_sensor"', '"own.py:Own"'))
     script = dives / "a" / "own.py"
     script.write_text("import diffthrust as dft\nclass Own(dft.LinearSensor): name = 'own'\n")
+    return script
+
+
+def test_a_script_that_a_spec_names_counts(dives):
+    script = own_script(dives)
     done, _ = ran(dives)
     assert done.table["model"][0] == "own"
     script.write_text(script.read_text() + "\n")
@@ -112,11 +118,7 @@ def test_a_script_that_a_spec_names_counts(dives):
 
 
 def test_what_is_changed_while_it_is_worked_on_is_no_result(dives, monkeypatch):
-    spec = dives / "a" / "fit.toml"
-    spec.write_text(SENSOR.replace('"linear_sensor"', '"own.py:Own"'))
-    script = dives / "a" / "own.py"
-    script.write_text("import diffthrust as dft\nclass Own(dft.LinearSensor): name = 'own'\n")
-    fitted = task._TASKS["fit"]
+    script, fitted = own_script(dives), task._TASKS["fit"]
 
     def edited(spec, job):
         result = fitted(spec, job)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import norm
 from scipy.stats import t as student
 from short_logs import MODEL, made_log
 
@@ -19,7 +19,7 @@ from diffthrust.many._fleet.evidence import (  # private: the density alone
     VehicleEvidence,
     gather_evidence,
 )
-from diffthrust.many._fleet.hierarchy import Hierarchy, arrange  # private: the density alone
+from diffthrust.many._fleet.hierarchy import arrange  # private: the density alone
 
 # Rubin 1981: effects of coaching in eight schools
 EFFECT = np.array([28.0, 8.0, -3.0, 7.0, -1.0, 1.0, 18.0, 12.0])
@@ -114,14 +114,10 @@ def test_the_figure_shows_both_estimates(pooled):
     assert labels[-2:] == ["by itself, 95 %", "pooled, 95 %"]
 
 
-def joint(target, told, evidence, likelihood=None):
+def joint(told, evidence, likelihood=None):
     """Log density of law and vehicles, written out; without constants."""
-    p = target.parameters
     spread, theta = np.asarray(told["spread"]), np.asarray(told["theta"])
-    correlation = np.asarray(told["correlation"])
-    law = multivariate_normal(told["mean"], correlation * np.outer(spread, spread))
-    total = np.sum(student.logpdf(spread, 4)) + np.sum(law.logpdf(theta))
-    total += np.log(np.linalg.det(correlation)) if p > 1 else 0.0  # LKJ of shape 2
+    total = np.sum(student.logpdf(spread, 4)) + np.sum(norm.logpdf(theta, told["mean"], spread))
     for i, one in enumerate(evidence):
         if one.exact is None:
             away = theta[i] - one.values
@@ -145,21 +141,17 @@ def agree(target, data, evidence, parts, likelihood=None):
         v = jnp.asarray(0.7 * rng.standard_normal(target.dim))
         density, told, change = jax.tree.map(np.asarray, both(v))
         own = None if likelihood is None else (lambda one, v=v, t=told: likelihood(one, v, t))
-        written = joint(target, told, evidence, own)
+        written = joint(told, evidence, own)
         rest.append(float(density) - written - np.linalg.slogdet(change)[1])
     assert np.ptp(rest) < 1e-8 * max(1.0, np.max(np.abs(rest)))
 
 
 def law_and_vehicles(target, data, v):
     told = target.kept(data, v)
-    rows, columns = np.tril_indices(target.parameters, -1)
-    return jnp.concatenate(
-        [told["mean"], told["spread"], told["correlation"][rows, columns], told["theta"].ravel()]
-    )
+    return jnp.concatenate([told["mean"], told["spread"], told["theta"].ravel()])
 
 
-@pytest.mark.parametrize("correlated", [False, True])
-def test_the_density_is_the_joint_one(correlated):
+def test_the_density_is_the_joint_one():
     rng = np.random.default_rng(1)
     evidence = []
     for i in range(4):
@@ -167,13 +159,7 @@ def test_the_density_is_the_joint_one(correlated):
         evidence.append(
             VehicleEvidence(f"v{i}", rng.standard_normal(3), root @ root.T, np.ones(3, bool))
         )
-    target, data = arrange(evidence, correlated)
-
-    def parts(target, data, v):
-        every = law_and_vehicles(target, data, v)
-        return every if correlated else jnp.delete(every, np.arange(6, 9))
-
-    agree(target, data, evidence, parts)
+    agree(*arrange(evidence), evidence, law_and_vehicles)
 
 
 @pytest.fixture(scope="module")
@@ -189,13 +175,12 @@ def test_an_exact_likelihood_is_that_of_the_logs(dives):
     ruler = Ruler(tuple(made.axes[n] for n in ("alpha", "beta")), np.log([0.037, 42.0]))
     evidence, notes = gather_evidence(made, ruler, {"auv1": logs[1], "auv2": logs[2]})
     assert not notes
-    target, data = arrange(evidence, False)
+    target, data = arrange(evidence)
     assert target.kinds[0].vehicles == 2  # one compilation for both
 
     def whole(target, data, v):
-        told = target.kept(data, v)
         at = target.law + target.vehicles * target.parameters
-        return jnp.concatenate([told["mean"], told["spread"], told["theta"].ravel(), v[at:]])
+        return jnp.concatenate([law_and_vehicles(target, data, v), v[at:]])
 
     def coordinates(one, v, told):
         e, row = one.exact, evidence.index(one)
@@ -241,11 +226,6 @@ def test_fits_of_one_vehicle_count_together(dives):
     assert (grown >= 1.0 - 1e-9).all()
     with pytest.raises(InputError, match="'c' has 2 fits, an exact likelihood needs one"):
         gather_evidence(ruler_of, ruler, {"c": logs[2]})
-
-
-def test_the_correlated_law_has_as_many_coordinates_as_numbers():
-    assert Hierarchy(3, 5, True, ()).dim == 3 + 3 + 3 + 15
-    assert Hierarchy(3, 5, False, ()).dim == 3 + 3 + 15
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ from posterior_cases import (
     Profiles,
     QuantityLine,
     profile_module,
-    root,
     spread,
     walk,
 )
@@ -167,12 +166,6 @@ def test_a_lower_cost_on_the_way_ends_it_all():
         walk(Known(lambda x: -1.01e-3 * (x != 0.7)), 1.0, REACH)
 
 
-def test_the_root_is_that_of_twice_the_drop():
-    here, there = (ProfilePoint(0.0, c, None, None, 0.0) for c in (2.5, 4.5))
-    assert root(there, here) == pytest.approx(2.0)
-    assert root(here, there) == 0.0
-
-
 # A parameter as a line.
 
 
@@ -307,13 +300,6 @@ def test_names_that_can_be_profiled():
     with pytest.raises(InputError, match="'alpa' is no parameter in this fit") as refused:
         wanted(fit, "alpa")
     assert "alpha" in refused.value.mend
-
-
-@pytest.mark.parametrize("level", [0.0, 1.0, 1, 0, 95.0, -0.1, "0.9", None])
-def test_levels_that_are_none(level):
-    with pytest.raises(InputError, match="profile, level: expected a number between 0 and 1"):
-        profile_module.check_level(level, "profile, level")
-    profile_module.check_level(0.5)
 
 
 def test_a_better_optimum_is_told():

@@ -18,7 +18,7 @@ from chromium import NEEDED
 from nbclient import NotebookClient
 
 import diffthrust as dft
-from diffthrust.cli._demo_logs import hidden_folder  # private: the demo's command writes by it
+from diffthrust.cli._demo import hidden_folder  # private: the demo's command writes by it
 from tests.workbench.page import explored, lacking_folder, looked_at, served
 
 pytestmark = NEEDED

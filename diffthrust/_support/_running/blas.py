@@ -11,29 +11,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables of the environment that say on how many threads it works."""
 
 
-class _Limit:
-    """One thread as long as anybody is inside, and as many as before behind the last."""
-
-    def __init__(self) -> None:
-        self._lock, self._inside, self._limited = Lock(), 0, ExitStack()
-
-    def enter(self) -> None:
-        import scipy.linalg  # noqa: F401  # has a library of its own, which must be there
-        from threadpoolctl import threadpool_limits
-
-        with self._lock:
-            self._inside += 1
-            if self._inside == 1:
-                self._limited.enter_context(threadpool_limits(1, user_api="blas"))
-
-    def leave(self) -> None:
-        with self._lock:
-            self._inside -= 1
-            if self._inside == 0:
-                self._limited.close()
-
-
-_LIMIT = _Limit()
+_inside, _entering, _limited = 0, Lock(), ExitStack()
 
 
 @contextmanager
@@ -46,11 +24,21 @@ def one_blas_thread() -> Iterator[None]:
     1.1 s in 1.1 s on one. The number is one of the whole process: threads of a process that work
     side by side have it together.
     """
+    global _inside
     if any(os.environ.get(name) for name in THREADS):
         yield
         return
-    _LIMIT.enter()
+    import scipy.linalg  # noqa: F401  # has a library of its own, which must be there
+    from threadpoolctl import threadpool_limits
+
+    with _entering:
+        _inside += 1
+        if _inside == 1:
+            _limited.enter_context(threadpool_limits(1, user_api="blas"))
     try:
         yield
     finally:
-        _LIMIT.leave()
+        with _entering:
+            _inside -= 1
+            if _inside == 0:
+                _limited.close()

@@ -6,10 +6,8 @@ import os
 import queue
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Hashable, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import suppress
-from functools import partial
 from typing import Any
 
 from diffthrust._support._running.process import Worker
@@ -68,60 +66,21 @@ def as_done(
 class WorkerPool(ThreadPoolExecutor):
     """A thread for each of several workers, its `own_worker`.
 
-    A thread stays with tasks of equal ``key``, which share compiled code. Leaving the pool ends its
-    workers, in the midst of a task if need be.
+    Leaving the pool ends its workers, in the midst of a task if need be.
     """
 
-    def __init__(
-        self, workers: Sequence[Worker], key: Callable[..., Hashable] = lambda *_: None
-    ) -> None:
+    def __init__(self, workers: Sequence[Worker]) -> None:
         super().__init__(len(workers), initializer=self._begin)
-        self._workers, self._key, self._unused = workers, key, deque(workers)
-        self._choosing = threading.Lock()
-        self._begun: set[Hashable] = set()
-        self._left: dict[Hashable, deque[tuple[Future[Any], Callable[[], Any]]]] = {}
+        self._workers, self._unused = workers, deque(workers)
 
     def _begin(self) -> None:
-        _own.worker, _own.key = self._unused.popleft(), None
-        # A task is taken when the worker is ready: by then most are submitted, and the largest
-        # group is known. One that does not start is asked all the same, and says why.
-        with suppress(Exception):
-            _own.worker.start()
-
-    def submit(self, call: Callable[..., Any], /, *arguments: Any, **options: Any) -> Future[Any]:
-        """Call a function in one of the threads."""
-        future, key = Future[Any](), self._key(*arguments)
-        with self._choosing:
-            task = future, partial(call, *arguments, **options)
-            self._left.setdefault(key, deque()).append(task)
-        super().submit(self._do_next)
-        return future
+        _own.worker = self._unused.popleft()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         """Cancel what has not begun, and end the workers."""
-        with self._choosing:
-            for future, _ in (task for tasks in self._left.values() for task in tasks):
-                future.cancel()
         # Stop before join: a thread that waits for its worker ends only when that is killed.
         for worker in self._workers:
             worker.stop()
         super().shutdown(cancel_futures=True)
         for worker in self._workers:
             worker.close()
-
-    def _do_next(self) -> None:
-        """A task of the last group, or of the largest that is left, untouched ones first."""
-        with self._choosing:
-            if _own.key not in self._left:
-                sizes = {k: (k not in self._begun, len(tasks)) for k, tasks in self._left.items()}
-                _own.key = max(sizes, key=sizes.__getitem__)
-            tasks = self._left[_own.key]
-            self._begun.add(_own.key)
-            future, task = tasks.popleft()
-            if not tasks:
-                del self._left[_own.key]
-        if future.set_running_or_notify_cancel():
-            try:
-                future.set_result(task())
-            except BaseException as error:  # raised where the result is asked for
-                future.set_exception(error)

@@ -24,7 +24,6 @@ from diffthrust._support.validation import finite, whole_number
 from diffthrust.many._campaign.job import Job, ResultRow, check_task, found_specs
 from diffthrust.many._campaign.tables import TABLE, arrow_table, campaign_report, write_table
 from diffthrust.many._campaign.task import head, kept_row, perform, run_job, sweep
-from diffthrust.specs._file import compile_key
 from diffthrust.specs._scripts import trusted_folders
 
 if TYPE_CHECKING:
@@ -281,8 +280,7 @@ def executor_for(asked: Executor | str | None, workers: int) -> AbstractContextM
         return nullcontext(asked)
     if asked is not None:
         return _dask(asked)
-    several = [Worker(run_job, quiet=True) for _ in range(workers)]
-    return WorkerPool(several, lambda job: compile_key(Path(job.spec)) if workers > 1 else "")
+    return WorkerPool([Worker(run_job, quiet=True) for _ in range(workers)])
 
 
 def row_of(future: Future[ResultRow], job: Job) -> ResultRow:

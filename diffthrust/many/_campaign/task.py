@@ -128,7 +128,7 @@ def _diagnose(spec: Spec, job: Job) -> _Result:
 
 def _sample(spec: Spec, job: Job) -> _Result:
     from diffthrust.uncertainty._sampling.sample import sample
-    from diffthrust.uncertainty._sampling.summary import sampled
+    from diffthrust.uncertainty._sampling.summary import sampled, write_posterior_page
 
     train, unseen = spec.train_logs(), spec.holdout_logs()
     fit = spec.fit(train=train, holdout=unseen)
@@ -136,8 +136,6 @@ def _sample(spec: Spec, job: Job) -> _Result:
     posterior = sampled(drawn, fit, train, unseen, seed=job.options.get("seed", 0))
 
     def page(path: Path) -> None:
-        from diffthrust.uncertainty._sampling.page import write_posterior_page
-
         write_posterior_page(posterior, path, title=f"Posterior: {job.name}", spec=spec.text)
 
     numbers = {name: (s.median, s.sd) for name, s in posterior.parameters.items()}

@@ -233,7 +233,6 @@ class Fleet(Estimates, Result):
         parameters: Sequence[str] | None = None,
         *,
         logs: Mapping[str, Log | Sequence[Log]] | None = None,
-        correlated: bool = False,
         draws: int = 1000,
         warmup: int = 1000,
         chains: int = 4,
@@ -260,8 +259,6 @@ class Fleet(Estimates, Result):
             parameters: parameters to pool; by default all that three vehicles have.
             logs: training logs, by vehicle, of those that enter by their exact likelihood; their
                 fits need not have converged.
-            correlated: parameters may be correlated between vehicles (prior: Lewandowski,
-                Kurowicka & Joe 2009, shape 2); otherwise they are independent.
             draws: per chain, after the warmup.
             warmup: warmup steps per chain.
             chains: number of NUTS chains.
@@ -286,7 +283,7 @@ class Fleet(Estimates, Result):
         sampling = {"draws": draws, "warmup": warmup, "chains": chains, "seed": seed}
         share = _share("level", level)
         return pool_vehicles(
-            self, parameters, dict(logs or {}), correlated, share, sampling, reporter(progress)
+            self, parameters, dict(logs or {}), share, sampling, reporter(progress)
         )
 
     @showing

@@ -15,8 +15,6 @@ from diffthrust.uncertainty._sampling.posterior import DensityShape
 
 _TAIL = 4.0
 """Degrees of freedom of the half Student-t prior of a standard deviation."""
-_CORRELATION_SHAPE = 2.0
-"""Shape of the LKJ prior of correlations: 1 is flat, larger values favour weak correlations."""
 
 
 class ExactKind(NamedTuple):
@@ -31,25 +29,23 @@ class ExactKind(NamedTuple):
 class Hierarchy(NamedTuple):
     """The joint density of a fleet's law and its vehicles' parameters, as a target of NUTS.
 
-    The coordinates are those of the law (mean, logarithm of the standard deviations, correlations),
-    then each vehicle's parameters, then further coordinates of exact likelihoods. A vehicle's
-    coordinates are whitened by the product of its quadratic likelihood and the law: in effect
-    centred for a vehicle with much data, non-centred for one with little (Papaspiliopoulos, Roberts
-    & Sköld 2007). With quadratic likelihoods only, they are exactly independent and standard
-    normal, which removes the funnel between the spread and the vehicles' parameters; an exact
-    likelihood enters by its ratio to the quadratic one.
+    The coordinates are those of the law (mean, logarithm of the standard deviations), then each
+    vehicle's parameters, then further coordinates of exact likelihoods. A vehicle's coordinates are
+    whitened by the product of its quadratic likelihood and the law: in effect centred for a vehicle
+    with much data, non-centred for one with little (Papaspiliopoulos, Roberts & Sköld 2007). With
+    quadratic likelihoods only, they are exactly independent and standard normal, which removes the
+    funnel between the spread and the vehicles' parameters; an exact likelihood enters by its ratio
+    to the quadratic one.
     """
 
     parameters: int  # how many are pooled
     vehicles: int
-    correlated: bool
     kinds: tuple[ExactKind, ...]
 
     @property
     def law(self) -> int:
         """Number of the law's coordinates."""
-        p = self.parameters
-        return 2 * p + (p * (p - 1) // 2 if self.correlated else 0)
+        return 2 * self.parameters
 
     @property
     def dim(self) -> int:
@@ -74,15 +70,7 @@ class Hierarchy(NamedTuple):
         """Mean and spread of the law, the vehicles' parameters, and the law's weight."""
         mean, root, _ = self._law(data, v)
         theta, _, weight = _vehicles(data, mean, root, self._whitened(v)[0])
-        covariance = root @ root.T
-        spread = jnp.sqrt(jnp.diagonal(covariance))
-        return {
-            "mean": mean,
-            "spread": spread,
-            "correlation": covariance / jnp.outer(spread, spread),
-            "theta": theta,
-            "weight": weight,
-        }
+        return {"mean": mean, "spread": jnp.diagonal(root), "theta": theta, "weight": weight}
 
     def _whitened(self, v: Any) -> tuple[Any, int]:
         """The vehicles' coordinates, ``(vehicles, parameters)``, and where those behind begin."""
@@ -98,24 +86,7 @@ class Hierarchy(NamedTuple):
         # log_spread itself is the Jacobian of the logarithm, in which the standard deviation is
         # sampled.
         prior = jnp.sum(log_spread - 0.5 * (_TAIL + 1) * jnp.log1p(spread**2 / _TAIL))
-        if not self.correlated:
-            return mean, jnp.diag(spread), prior
-        root, weight = _correlation(p, v[2 * p : self.law])
-        return mean, spread[:, None] * root, prior + weight
-
-
-def _correlation(p: int, y: Any) -> tuple[Any, Any]:
-    """Cholesky factor of a correlation matrix, and the log density of its prior.
-
-    The partial correlation of i and j given all before j is the hyperbolic tangent of an unbounded
-    coordinate; under the LKJ prior it is Beta distributed (Lewandowski et al. 2009, section 3).
-    """
-    partial = jnp.zeros((p, p)).at[np.tril_indices(p, -1)].set(jnp.tanh(y))
-    remaining = jnp.cumprod(1.0 - partial[:, :-1] ** 2, axis=1)
-    before = jnp.pad(remaining, ((0, 0), (1, 0)), constant_values=1.0)
-    root = (partial + jnp.eye(p)) * jnp.sqrt(before)
-    shape = _CORRELATION_SHAPE + 0.5 * (p - 2 - np.arange(p))
-    return root, shape @ jnp.sum(jnp.log1p(-(partial**2)), axis=0)
+        return mean, jnp.diag(spread), prior
 
 
 def _vehicles(data: Any, mean: Any, root: Any, eta: Any) -> tuple[Any, Any, Any]:
@@ -156,9 +127,7 @@ def _exact(kind: ExactKind, group: Any, theta: Any, etas: Any) -> Any:
     return jax.lax.map(log_ratio, (group, etas))
 
 
-def arrange(
-    evidence: Sequence[VehicleEvidence], correlated: bool
-) -> tuple[Hierarchy, dict[str, Any]]:
+def arrange(evidence: Sequence[VehicleEvidence]) -> tuple[Hierarchy, dict[str, Any]]:
     """Build the density of a fleet, and its arrays."""
     groups: dict[tuple[DensityShape, int, int], list[Any]] = {}
     for row, vehicle in enumerate(evidence):
@@ -175,7 +144,7 @@ def arrange(
         "log_spread": np.log(begin.spread),
         "exact": [jax.tree.map(lambda *a: jnp.stack(a), *group) for group in groups.values()],
     }
-    return Hierarchy(begin.mean.size, len(evidence), correlated, kinds), data
+    return Hierarchy(begin.mean.size, len(evidence), kinds), data
 
 
 def _numbers(row: int, vehicle: VehicleEvidence, e: Exact) -> dict[str, Any]:

@@ -142,8 +142,6 @@ class Pooled(Result):
     def new_vehicle(self, *, seed: int = 0) -> dict[str, np.ndarray]:
         """Parameters of new vehicles of the fleet, one for each draw of its law.
 
-        Parameters are correlated if the law is; see `Fleet.pool`.
-
         Returns:
             Values by parameter, ``(draws,)``.
 
@@ -153,21 +151,11 @@ class Pooled(Result):
             1
         """
         posterior, axes = self.post.posterior, self.ruler.axes
-        p = len(axes)
         means, spreads = (
             np.stack([posterior[f"{axis.name}.{what}"].values.ravel() for axis in axes], -1)
             for what in ("mean", "between")
         )
-        correlation = np.broadcast_to(np.eye(p), (len(means), p, p)).copy()
-        for i, row in enumerate(axes):
-            for j, column in enumerate(axes[:i]):
-                name = f"correlation.{column.name}.{row.name}"
-                if name in posterior:
-                    correlation[:, i, j] = correlation[:, j, i] = posterior[name].values.ravel()
-        # A draw of the correlation may be 1 to the last bit, and its matrix singular.
-        root = np.linalg.cholesky(correlation + 1e-12 * np.eye(p))
-        standard = np.random.default_rng(seed).standard_normal((len(means), p))
-        moved = spreads * np.einsum("nij,nj->ni", root, standard)
+        moved = spreads * np.random.default_rng(seed).standard_normal(spreads.shape)
         return {
             axis.name: axis.value(axis.coordinate(means[:, i]) + moved[:, i])
             for i, axis in enumerate(axes)
@@ -215,7 +203,6 @@ def pool_vehicles(
     fleet: Estimates,
     parameters: Sequence[str] | None,
     logs: Mapping[str, Any],
-    correlated: bool,
     level: float,
     sampling: Mapping[str, int],
     progress: Progress,
@@ -230,10 +217,10 @@ def pool_vehicles(
         lacking = [vehicle.vehicle for vehicle in evidence if not vehicle.present[i]]
         if lacking:
             notes.append(f"{name}: {listing(lacking)} did not estimate it and are left out of it.")
-    target, data = arrange(evidence, correlated)
+    target, data = arrange(evidence)
     walked = nuts.sample_target(target, data, target.dim, progress=progress, **sampling)
     progress("done", 1.0)
-    post = _posterior(ruler, evidence, walked, correlated, sampling["seed"])
+    post = _posterior(ruler, evidence, walked, sampling["seed"])
     weight = np.mean(walked.kept["weight"], axis=(0, 1))
     return Pooled(fleet, ruler, tuple(evidence), post, weight, level, (*notes, *more))
 
@@ -282,9 +269,7 @@ def _ruler(fleet: Estimates, names: Sequence[str]) -> Ruler:
     return Ruler(tuple(fleet.axes[name] for name in names), np.array(middle))
 
 
-def _posterior(
-    ruler: Ruler, evidence: Sequence[VehicleEvidence], walked: Walked, correlated: bool, seed: int
-) -> Any:
+def _posterior(ruler: Ruler, evidence: Sequence[VehicleEvidence], walked: Walked, seed: int) -> Any:
     """The draws as ArviZ data: ``alpha`` by vehicle, ``alpha.mean`` and ``alpha.between``."""
     import xarray as xr
 
@@ -300,9 +285,6 @@ def _posterior(
         series[axis.name] = ((*draw, "vehicle"), theta[..., i], {"unit": axis.unit})
         series[f"{axis.name}.mean"] = (draw, mean[..., i], {"unit": axis.unit})
         series[f"{axis.name}.between"] = (draw, spread, {"unit": unit})
-        for j in range(i if correlated else 0):
-            name = f"correlation.{ruler.axes[j].name}.{axis.name}"
-            series[name] = (draw, kept["correlation"][..., j, i], {"unit": ""})
     chains, count = theta.shape[:2]
     coords = {"chain": np.arange(chains), "draw": np.arange(count)}
     attrs = {"method": "nuts", "seed": seed}

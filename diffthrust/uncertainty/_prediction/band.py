@@ -34,7 +34,7 @@ class Band(Brief, Shown):
         high: upper end.
         noisy_low: lower end for the sensor's reading.
         noisy_high: upper end.
-        coverage: share of the samples inside the band with noise (without, where ``noise=False``).
+        coverage: share of the samples inside the band with noise.
         samples: number of measured samples.
         unit: of all but the coverage.
         per: number of ``shown_unit`` per ``unit``.
@@ -63,13 +63,11 @@ def band_of(
     mean: np.ndarray,
     noisy: np.ndarray | None,
     level: float,
-    noise: bool,
 ) -> Band:
     """The band of one channel, and its coverage of the measurements.
 
     ``mean`` are predictions by draw without noise, ``noisy`` with random forces and noise, ``(n,
-    T)`` each; if ``None``, noise is added to ``mean`` in closed form. ``noise`` says whether the
-    coverage refers to the band with it.
+    T)`` each; if ``None``, noise is added to ``mean`` in closed form.
     """
     unit = drawn.model.outputs[channel]
 
@@ -103,8 +101,7 @@ def band_of(
         measured = measured - 2 * np.pi * turns
     valid = np.isfinite(measured)
     ends = (low, high, noisy_low, noisy_high)
-    bottom, top = ends[2:] if noise else ends[:2]
-    inside = (measured >= bottom) & (measured <= top)
+    inside = (measured >= noisy_low) & (measured <= noisy_high)
     share = float(np.mean(inside[valid])) if valid.any() else float("nan")
     size = ShownUnits((record.log.written,)).size(channel, 1.0, unit)
     return Band(measured, median, *ends, share, int(valid.sum()), unit, *size)

@@ -36,12 +36,10 @@ from diffthrust.simulation._step_size import sufficient_steps
 from diffthrust.simulation._trajectory import Grid, Key, march, read_out, trajectory
 from diffthrust.uncertainty._prediction.band import Band, band_of
 from diffthrust.uncertainty._prediction.draws import Draws, draws_of
-from diffthrust.uncertainty._prediction.tables import prediction_report
+from diffthrust.uncertainty._tables import prediction_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from diffthrust._support.tables import Renderable
 
 _SHORT = 0.05
 """A band covers too little if the share inside is below its level by more than this."""
@@ -58,14 +56,13 @@ class Prediction(Result):
         channels: a `Band` for each measured channel.
         draws: number of parameter draws.
         kind: "posterior" or "covariance": source of the draws.
-        noise: the coverage refers to the band with noise.
         random_forces: the band with noise includes the random forces of an "innovations" fit.
         notes: remarks for the user.
 
     Example:
         >>> band = dft.predict(fit, fit, unseen, draws=50)
-        >>> sorted(band.coverage), band.level, band.table() is not None
-        (['speed', 'thrust'], 0.95, True)
+        >>> sorted(band.coverage), band.level
+        (['speed', 'thrust'], 0.95)
         >>> print(band.sentence[:30])
         run2.csv: the 95 % band holds
         >>> list(band.to_json())
@@ -79,7 +76,6 @@ class Prediction(Result):
     channels: Mapping[str, Band]
     draws: int
     kind: str
-    noise: bool = True
     random_forces: bool = False
     notes: tuple[str, ...] = ()
 
@@ -93,11 +89,6 @@ class Prediction(Result):
         """The coverage in words, and the meaning of a low coverage."""
         held = ", ".join(f"{percent(share)} of {name}" for name, share in self.coverage.items())
         text = f"{self.log}: the {percent(self.level)} band holds {held}."
-        if not self.noise:
-            return (
-                f"{text} It is the band of the model's output without noise: "
-                "measured samples lie outside by their noise."
-            )
         low = [n for n, share in self.coverage.items() if share < self.level - _SHORT]
         high = [n for n, share in self.coverage.items() if share > 0.5 * (1 + self.level)]
         if low:
@@ -118,12 +109,6 @@ class Prediction(Result):
             )
         # nor less: of a thruster's, of which two effects were missing, it held 92 and 94 %
         return f"{text} That is as many as asked for; a model that lacks something may do as well."
-
-    def table(self) -> Renderable:
-        """The report as a renderable of rich."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(self._report())
 
     def _report(self) -> Report:
         return prediction_report(self.channels, self.level, self.sentence, self.notes)
@@ -156,7 +141,6 @@ def predict(
     level: float = 0.95,
     draws: int = 200,
     seed: int = 0,
-    noise: bool = True,
     substeps: int | None = None,
     progress: ProgressOption = None,
 ) -> Prediction:
@@ -180,7 +164,6 @@ def predict(
         level: probability of the bands: equal tails, pointwise.
         draws: number of parameter draws; it limits the precision of the bands' ends.
         seed: of the draws.
-        noise: whether the coverage refers to the band with noise.
         substeps: integrator steps per sample; chosen automatically if ``None``.
         progress: True for a bar, or a function of a message and the share done.
 
@@ -216,20 +199,20 @@ def predict(
             f"{listing(drawn.model.outputs)}, found {listing(log.measured)}.",
             "Map a column to one of these channels.",
         )
-    drawn, notes = _with_noise(drawn, record, channels, noise)
+    drawn, notes = _with_noise(drawn, record, channels)
     if substeps is None:
         # the step is chosen once, at the median draw: each number of substeps is a program to
         # compile
         middle = {n: float(np.median(v)) for n, v in drawn.values.items()}
         substeps = sufficient_steps(drawn.model.replace(middle), record).substeps
-    # a stream apart from that of the draws: with or without noise the same parameters are drawn
+    # a stream apart from that of the draws of the parameters
     rng = np.random.default_rng([seed, 1])
     report("simulating the draws", 0.2)
     means = _mean_runs(drawn, record, channels, substeps, rng)
     report("simulating their noise", 0.6)
     random = LIKELIHOODS[drawn.likelihood].corrects
     noisy = _random_runs(drawn, record, channels, substeps, rng) if random else {}
-    bands = {c: band_of(drawn, record, c, means[c], noisy.get(c), level, noise) for c in channels}
+    bands = {c: band_of(drawn, record, c, means[c], noisy.get(c), level) for c in channels}
     report("done", 1.0)
     return Prediction(
         log=log.name,
@@ -238,28 +221,24 @@ def predict(
         channels=bands,
         draws=len(drawn),
         kind=drawn.kind,
-        noise=noise,
         random_forces=random,
         notes=(*drawn.notes, *notes),
     )
 
 
-def _with_noise(
-    drawn: Draws, record: Record, channels: list[str], wanted: bool
-) -> tuple[Draws, list[str]]:
+def _with_noise(drawn: Draws, record: Record, channels: list[str]) -> tuple[Draws, list[str]]:
     """Add noise levels stated in the log, with a note on channels without a known level."""
     levels = {c: record.noise[c] for c in channels if c not in drawn.noise}
     stated = {c: np.full(len(drawn), s) for c, s in levels.items() if s is not None}
     lacking = [c for c, s in levels.items() if s is None]
-    if lacking and wanted and len(lacking) == len(channels):
+    if len(lacking) == len(channels):
         raise InputError(
             f"predict: the noise of {listing(lacking)} is not known: the posterior has no 'sigma'.",
-            "Give the fit in place of the model, a log with its noise, or noise=False.",
+            "Give the fit in place of the model, or a log with its noise.",
         )
     notes = [
         f"{c}: its noise is not known, as no training log measured it; none is added."
         for c in lacking
-        if wanted
     ]
     return replace(drawn, noise={**drawn.noise, **stated}), notes
 

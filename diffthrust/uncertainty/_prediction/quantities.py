@@ -25,7 +25,7 @@ from diffthrust.uncertainty._prediction.physical import (
     torque_driven,
 )
 from diffthrust.uncertainty._prediction.responses import responses
-from diffthrust.uncertainty._prediction.tables import quantities_report
+from diffthrust.uncertainty._tables import quantities_report
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

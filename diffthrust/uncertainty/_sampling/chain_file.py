@@ -18,7 +18,7 @@ import jax
 import numpy as np
 
 from diffthrust._support.errors import InputError, os_errors_as
-from diffthrust._support.files import is_full
+from diffthrust._support.files import is_full, write_by_rename
 from diffthrust.uncertainty._sampling.posterior import Posterior
 
 BLOCK = 64
@@ -156,20 +156,8 @@ def write(path: Path, data: bytes) -> None:
         InputError: the disk is full or the folder not writable; the old file is untouched.
     """
     target = Path(os.path.realpath(path))
-    temporary = _temporary(target)
     try:
-        try:
-            with open(temporary, "wb") as f:
-                f.write(data)
-                f.flush()
-                # os.replace is atomic for names, not for contents: without the flush a power cut
-                # may leave a new name with an empty file
-                os.fsync(f.fileno())
-            os.replace(temporary, target)
-        except BaseException:  # including an interrupt
-            with suppress(OSError):
-                temporary.unlink()
-            raise
+        write_by_rename(target, _temporary(target), data, durable=True)
         with suppress(OSError):  # the folder's entry as well, if the system allows it
             handle = os.open(target.parent, os.O_RDONLY)
             try:

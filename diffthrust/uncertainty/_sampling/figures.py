@@ -21,8 +21,8 @@ from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import Size
 from diffthrust.uncertainty._prediction.draws import posterior_data, scalars_of
 from diffthrust.uncertainty._prediction.figures import bracketed
-from diffthrust.uncertainty._prediction.tables import interval_text
 from diffthrust.uncertainty._sampling.arviz import shown_in
+from diffthrust.uncertainty._tables import interval_text
 from diffthrust.uncertainty._values import central
 
 _LEVEL = 0.95

@@ -12,8 +12,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.lossless import encoded
 from diffthrust._support.progress import ProgressOption, progressing, reporter
+from diffthrust._support.saved_file import encoded
 from diffthrust._support.validation import whole_number
 from diffthrust._support.words import number, percent
 from diffthrust.estimation._arguments import listed

@@ -15,7 +15,7 @@ from exact_bits import bits
 from hypothesis import given, settings
 
 from diffthrust import InputError
-from diffthrust._support.lossless import Decoder, encoded  # private: what files are made of
+from diffthrust._support.saved_file import Decoder, encoded  # private: what files are made of
 
 
 class Colour(Enum):

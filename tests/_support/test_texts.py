@@ -1,8 +1,8 @@
-"""What is shown of text that comes from outside."""
+"""What is shown of text that comes from outside, and what a misspelt name most likely meant."""
 
 from __future__ import annotations
 
-from presentation import Report, Rows, Section, in_line, report_text, visible
+from presentation import Report, Rows, Section, in_line, nearest, report_text, visible
 
 from diffthrust import InputError
 
@@ -22,3 +22,11 @@ def test_messages_and_tables_hold_no_orders_for_the_terminal():
     table = Rows.of(["Name"], [["run\x1b[31m.csv"]])
     assert "\x1b" not in report_text(Report(Section("", table)))
     assert report_text(Report(Section("", "[red]run\x1b"))) == "[red]run\\x1b\n"
+
+
+def test_letters_that_changed_places_are_seen_through():
+    columns = ["t_ms", "rpm", "pwm", "thrust_kgf"]
+    assert nearest("pmw", columns) == "the nearest is 'pwm'"
+    assert nearest("Rmp ", columns) == "the nearest is 'rpm'"
+    assert nearest("thrust", columns, "; ") == "; the nearest is 'thrust_kgf'"
+    assert nearest("heading", columns) == ""
