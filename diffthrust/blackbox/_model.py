@@ -196,13 +196,20 @@ class BlackBox(Result):
                 "this library.",
             ) from None
         check_word("to_control, form", form, "transfer", "states")
-        lags = self.plain.lags or (0,) * len(self.channels.inputs)
+        s, m = self.plain, len(self.channels.inputs)
+        lags = s.lags[:m] or (0,) * m
         names: Any = {"inputs": [*self.channels.inputs], "outputs": [*self.channels.outputs]}
         if form == "transfer":
             num, den = self._rational(*self._pair(None, None))
             den = np.concatenate([den, np.zeros(lags[0])])
             return control.TransferFunction(num, den, self.step, **names)
-        return control.StateSpace(*_with_lags(self, lags), self.step, **names)
+        # python-control has no input delay in discrete time: each is a chain of unit delays
+        chains = (
+            (np.eye(n, k=-1), np.eye(n, 1), np.eye(1, n, n - 1), [[float(n == 0)]]) for n in lags
+        )
+        late = control.append(*(control.StateSpace(*chain, self.step) for chain in chains))
+        prompt = control.StateSpace(s.a, s.b[:, :m], s.c, s.d[:, :m], self.step)
+        return control.ss(prompt * late, **names)
 
     def _line(self) -> str:
         return f"{self}: {self.status}, {self.samples} samples"
@@ -286,29 +293,6 @@ def _complex_word(value: complex) -> str:
     if abs(np.imag(value)) < 1e-9 * max(1.0, abs(value)):
         return f"{np.real(value):.5g}"
     return f"{np.real(value):.5g} {'+' if np.imag(value) > 0 else '-'} {abs(np.imag(value)):.5g}i"
-
-
-def _with_lags(model: BlackBox, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
-    """The matrices with a chain of states for each delayed input; without an offset."""
-    m = len(model.channels.inputs)
-    s = model.plain
-    n, more = s.order, sum(lags[:m])
-    a, b = np.zeros((n + more, n + more)), np.zeros((n + more, m))
-    c, d = np.zeros((len(s.c), n + more)), np.zeros((len(s.c), m))
-    a[:n, :n], c[:, :n] = s.a, s.c
-    first = n
-    for j, lag in enumerate(lags[:m]):
-        if not lag:
-            b[:n, j], d[:, j] = s.b[:, j], s.d[:, j]
-            continue
-        last = first + lag - 1
-        # python-control has no input delay in discrete time: each is a chain of unit delays
-        b[first, j] = 1.0
-        for k in range(first, last):
-            a[k + 1, k] = 1.0
-        a[:n, last], c[:, last] = s.b[:, j], s.d[:, j]
-        first = last + 1
-    return a, b, c, d
 
 
 def _continued(

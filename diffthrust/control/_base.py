@@ -44,7 +44,7 @@ class Block(Component):
     @property
     def parameters(self) -> dict[str, Parameter]:
         """The gains by name."""
-        return {k: p.with_value(getattr(self, k)) for k, p in self._parameters.items()}
+        return {name: self._present(name) for name in self._parameters}
 
     def replace(self, **more: Any) -> Self:
         """The block with some gains changed: by a value, a `Parameter`, or some fields.
@@ -57,7 +57,7 @@ class Block(Component):
             check_known(name, named, f"{type(self).__name__} has no gain")
             named[name] = changed(named[name], new, name)
             named[name].check(name)
-        return self._copy(_parameters=named, **{k: p.value for k, p in named.items()})
+        return self._with_parameters(named)
 
     def __repr__(self) -> str:
         listed = ", ".join(f"{k}={getattr(self, k):.4g}" for k in self._parameters)

@@ -18,7 +18,7 @@ from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.control._base import Controller, check_noise, mapping, seeded
 from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator, NoCompensator
-from diffthrust.control._faults import Fault, FaultNumbers, check_faults
+from diffthrust.control._faults import Fault, check_faults, fault_numbers
 from diffthrust.control._loop_scan import Parts, Timing, compiled_loop
 from diffthrust.control._plant import Plant, driven
 from diffthrust.control._recorded import RunSignals, bounded
@@ -325,7 +325,7 @@ class Loop:
             for name, value in states.items()
         }
         values = {name: jnp.asarray(p.value, float) for name, p in self.parameters.items()}
-        faults = FaultNumbers.of(tuple(self.faults))  # pyright: ignore[reportArgumentType]
+        faults = fault_numbers(self.faults)  # pyright: ignore[reportArgumentType]
         traced = ({n: jnp.asarray(value) for n, value in row.items()} for row in (rows, start))
         return parts, values, parts.plant.given, faults, *traced
 

@@ -8,7 +8,7 @@ elementwise, so XLA compiles the loop as one kernel, and forward derivatives pas
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -20,7 +20,7 @@ from diffthrust._support._running.programs import program
 from diffthrust.control._base import Block, Controller, Kept
 from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator
-from diffthrust.control._faults import FaultNumbers
+from diffthrust.control._faults import FaultNumbers, factors_at, taken_command
 from diffthrust.control._plant import Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._runge_kutta import advance, exponential_weights
@@ -35,28 +35,22 @@ class Timing:
     late: int  # the computational delay, in recorded samples
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Parts:
     """What a loop is made of, as a static argument: equal where the structure is equal."""
 
-    plant: Plant
-    controller: Controller
-    compensator: Compensator | None
-    path: CommandPath
+    plant: Plant = field(compare=False)
+    controller: Controller = field(compare=False)
+    compensator: Compensator | None = field(compare=False)
+    path: CommandPath = field(compare=False)
     timing: Timing
+    structure: tuple[Any, ...] = field(init=False)
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """What fixes the compiled code."""
+    def __post_init__(self) -> None:
         parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
-        classes = tuple(block.structure if block else None for block in parts)
-        return (*classes, tuple(self.plant.given), tuple(self.path.lengths.items()), self.timing)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Parts) and self.structure == other.structure
-
-    def __hash__(self) -> int:
-        return hash(self.structure)
+        classes = (block.structure if block else None for block in parts)
+        memories = tuple(self.path.lengths.items())
+        object.__setattr__(self, "structure", (*classes, tuple(self.plant.given), memories))
 
 
 def loop_signals(
@@ -94,7 +88,7 @@ def loop_signals(
     short, period = step / timing.substeps, step * timing.samples
 
     def plant_at(instant: Array) -> Plant:
-        factors = faults.factors(instant)
+        factors = factors_at(faults, instant)
         return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
 
     first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
@@ -105,7 +99,8 @@ def loop_signals(
         rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
         return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
 
-    x, weights = _turns(rows, timing, short, decays, jumping=faults.changes)
+    jumping = any("factors" in fault for fault in faults)
+    x, weights = _turns(rows, timing, short, decays, jumping=jumping)
 
     def body(
         carry: dict[str, Any], x: Mapping[str, Any]
@@ -122,7 +117,7 @@ def loop_signals(
         # a line of outputs and not an index into the past: the loop's body stays one kernel
         command = line[timing.late]
         # faults act on what arrives, after the dead time and before the motor controller's effects
-        taken = faults.command(command, carry["taken"], now)
+        taken = taken_command(faults, command, carry["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
         inputs = {**inflow, **signals, "time": now, parts.path.channel: taken}
         motor, path = parts.path(plant.thruster.effects, inputs, carry["path"], x["first"], step)
