@@ -9,7 +9,6 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import whole_number
-from diffthrust._support.words import joined
 from diffthrust.blackbox._prediction_error import Shape
 from diffthrust.blackbox._records import Channels, SampledLog
 from diffthrust.blackbox._system import System
@@ -111,13 +110,6 @@ def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels
     tied = "nf" in numbers
     na = numbers["nf" if tied else "na"]
     return Shape(na, tuple(nb), numbers.get("nc", 0), tuple(delay), tied)
-
-
-def check_word(where: str, word: Any, *words: str) -> None:
-    """Raise `InputError` for a word that is not among these."""
-    if word not in words:
-        listed = joined(map(repr, words), "or")
-        raise InputError(f"{where}: expected {listed}, found {word!r}.", "Correct it.")
 
 
 def check_order(what: str, name: str, value: Any) -> int:

@@ -14,7 +14,7 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section, Styled, notes
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer, transfer_of
-from diffthrust.blackbox._criteria import check_word
+from diffthrust._support.validation import check_word
 from diffthrust.blackbox._records import Channels
 from diffthrust.blackbox._system import System
 from diffthrust.estimation._estimate import Estimate, parameter_rows

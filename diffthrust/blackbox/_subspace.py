@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.blackbox._criteria import bic_of, check_order, check_word, samples_of
+from diffthrust._support.validation import check_word
+from diffthrust.blackbox._criteria import bic_of, check_order, samples_of
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape

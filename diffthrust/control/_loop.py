@@ -211,11 +211,10 @@ class Loop:
         """Thruster and vehicle as one system."""
         constants = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
         numbers = {
-            name: finite(f"Loop, given '{name}'", value, lambda x: True, "a number")
+            name: jnp.asarray(finite(f"Loop, given '{name}'", value, lambda x: True, "a number"))
             for name, value in constants.items()
         }
-        arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
-        return Plant(self.thruster, self.vehicle, arrays)
+        return Plant(self.thruster, self.vehicle, numbers)
 
     @property
     def _members(self) -> dict[str, Any]:
@@ -258,11 +257,8 @@ class Loop:
                     f"Loop has no argument '{name}'; it has {listing(self.__dataclass_fields__)}.",
                     'Give parameters by their full names: replace({"thruster.ct": 0.02}).',
                 )
-        changed = {}
-        for member, named in grouped.items():
-            block = self._members[member]
-            model = isinstance(block, Model)
-            changed[member] = block.replace(named) if model else block.replace(**named)
+        members = self._members
+        changed = {member: members[member].replace(**named) for member, named in grouped.items()}
         return replace(self, **changed, **fields)
 
     def _parts(self, substeps: int) -> Parts:

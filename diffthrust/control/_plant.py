@@ -16,7 +16,7 @@ from diffthrust.control._compensators import Compensator
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals, expect
-from diffthrust.simulation._trajectory import equations_of, starting_point
+from diffthrust.simulation._trajectory import equations_of, measured_by, starting_point
 
 
 def driven(thruster: Model) -> str:
@@ -37,16 +37,11 @@ class Plant:
     The vehicle moves under the thrust as it is, not as a sensor reports it. Where there is a
     vehicle, the thruster's input ``inflow`` is the vehicle's velocity: the water comes at the
     propeller as fast as the vehicle moves through it.
-
-    Args:
-        thruster: a model with the input ``command``, or a craft of one thruster.
-        vehicle: a model with the input ``thrust``, or ``None``.
-        given: other inputs of the thruster, constant.
     """
 
-    thruster: Model
-    vehicle: Model | None
-    given: Mapping[str, Array]
+    thruster: Model  # with the input ``command``, or a craft of one thruster
+    vehicle: Model | None  # with the input ``thrust``
+    given: Mapping[str, Array]  # other inputs of the thruster, constant
 
     def check(self) -> None:
         """Raise `InputError` where the two cannot be joined."""
@@ -222,13 +217,8 @@ def _side(
     port = Ports(model.effects, s)
     derivatives, outputs = equations_of(model, s, port)
     rates = {**derivatives, **port.rates}
-    where = f"{type(model).__name__}.equations"
-    expect(where, "rate of the state", model.all_states, rates)
-    expect(where, "output", model.outputs, outputs)
-    outputs = {name: outputs[name] for name in model.outputs}
+    expect(f"{type(model).__name__}.equations", "rate of the state", model.all_states, rates)
     shape = jnp.shape(signals["time"])
-    if shape:
-        outputs = {name: jnp.broadcast_to(value, shape) for name, value in outputs.items()}
-    now = [effect for effect in model.effects if shape or not effect.memory]
-    sensor = Ports(now, s.also(outputs))
-    return rates, outputs, {name: sensor(name, value) for name, value in outputs.items()}
+    now = tuple(effect for effect in model.effects if shape or not effect.memory)
+    reported = measured_by(model._copy(effects=now), s, outputs)
+    return rates, {n: jnp.broadcast_to(outputs[n], shape) for n in model.outputs}, reported

@@ -16,17 +16,11 @@ RUN_AWAY = 1e9
 
 
 class RunSignals:
-    """Signals by name over the samples of a run.
+    """Signals by name over the samples of a run."""
 
-    Args:
-        time: [s], ``(n,)``.
-        signals: ``(n,)`` each.
-        diverged: the time [s] at which it ran away, or ``None``.
-    """
-
-    time: np.ndarray
-    signals: Mapping[str, np.ndarray]
-    diverged: float | None
+    time: np.ndarray  # [s], (n,)
+    signals: Mapping[str, np.ndarray]  # (n,) each
+    diverged: float | None  # when it ran away [s]
 
     def __getitem__(self, name: str) -> np.ndarray:
         check_known(name, self.signals, "The run has no signal")

@@ -26,34 +26,21 @@ class Constant(NamedTuple):
 
 
 class Operation(NamedTuple):
-    """One elementary operation.
+    """One elementary operation."""
 
-    Args:
-        name: of the operation, as JAX calls its primitives, or one of `MEMORY`.
-        operands: each a `Constant`, the name of what is given, or the number of an earlier one.
-        power: exponent of "integer_pow".
-        truth: the result is true or false.
-    """
-
-    name: str
-    operands: tuple[Any, ...]
-    power: int = 0
-    truth: bool = False
+    name: str  # as JAX calls its primitives, or one of `MEMORY`
+    operands: tuple[Any, ...]  # `Constant`, the name of what is given, the number of an earlier one
+    power: int = 0  # of "integer_pow"
+    truth: bool = False  # the result is true or false
 
 
 @dataclass
 class Operations:
-    """Elementary operations in the order in which they are worked out.
-
-    Args:
-        listed: the operations.
-        results: by the name of a result its operand.
-        called: names that the equations themselves give to operations, by number.
-    """
+    """Elementary operations in the order in which they are worked out."""
 
     listed: list[Operation] = field(default_factory=list)
-    results: dict[str, Any] = field(default_factory=dict)
-    called: dict[int, str] = field(default_factory=dict)
+    results: dict[str, Any] = field(default_factory=dict)  # operands by the name of the result
+    called: dict[int, str] = field(default_factory=dict)  # names that the equations give, by number
     _known: dict[Operation, int] = field(default_factory=dict, repr=False)
 
     def add(self, operation: Operation) -> Any:

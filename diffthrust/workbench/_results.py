@@ -41,13 +41,7 @@ _HEIGHT = 186
 
 
 class Results:
-    """Tabs below the plots.
-
-    Args:
-        on_select: is told which samples were selected in the scatter.
-        asking: what asks about a stretch; the answer is below it.
-        others: further tabs by title.
-    """
+    """Tabs below the plots; ``asking`` asks about a stretch, and the answer is below it."""
 
     def __init__(
         self,
