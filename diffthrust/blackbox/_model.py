@@ -101,7 +101,7 @@ class BlackBox(Result):
 
     def zeros(self, input: str | None = None, output: str | None = None) -> np.ndarray:
         """Zeros in z from one input to one output, without those of a delay."""
-        num, _ = self._rational(*self._pair(input, output))
+        num, _ = _fraction(*self._of(*self._pair(input, output)))
         return np.roots(num)
 
     def simulate(
@@ -200,7 +200,7 @@ class BlackBox(Result):
         lags = s.lags[:m] or (0,) * m
         names: Any = {"inputs": [*self.channels.inputs], "outputs": [*self.channels.outputs]}
         if form == "transfer":
-            num, den = self._rational(*self._pair(None, None))
+            num, den = _fraction(*self._of(*self._pair(None, None)))
             den = np.concatenate([den, np.zeros(lags[0])])
             return control.TransferFunction(num, den, self.step, **names)
         # python-control has no input delay in discrete time: each is a chain of unit delays
@@ -271,10 +271,6 @@ class BlackBox(Result):
         """A, B, C and D of one input and one output, without noise and lag."""
         s = self.plain
         return s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]]
-
-    def _rational(self, j: int, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Numerator and denominator in z, highest power first, without the lag."""
-        return _fraction(*self._of(j, i))
 
 
 def _fraction(a: Any, b: Any, c: Any, d: Any) -> tuple[np.ndarray, np.ndarray]:

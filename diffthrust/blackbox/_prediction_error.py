@@ -12,10 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from diffthrust.blackbox._records import SampledLog
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import whole_number
+from diffthrust.blackbox._records import Channels, SampledLog
 from diffthrust.blackbox._system import passed
 
 
@@ -66,6 +69,47 @@ class Shape:
     def with_c(self, theta: np.ndarray, c: np.ndarray) -> np.ndarray:
         """The coefficients with C replaced."""
         return np.concatenate([theta[: self.na + sum(self.nb)], c[1:]])
+
+
+Orders = Sequence[int | Sequence[int]]
+"""A number for each name; nb and delay may be tuples by input."""
+_LEAST = {"na": 0, "nb": 1, "nc": 0, "nf": 0, "delay": 0, "order": 1}
+
+
+def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels) -> Shape:
+    """The coefficients for given orders, one for each name of ``("na", "nb", "delay")``."""
+    if not isinstance(orders, Sequence) or len(orders) != len(names):
+        raise InputError(
+            f"{what}, orders: expected ({', '.join(names)}), found {orders!r}.",
+            f"Write orders=({', '.join('1' if n in ('delay', 'nc') else '2' for n in names)}).",
+        )
+    numbers_by_name: dict[str, Any] = dict(zip(names, orders, strict=True))
+    count = len(channels.inputs)
+    by_input = {}
+    for name in ("nb", "delay"):
+        value = numbers_by_name.pop(name)
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        values = list(value) if several else [value] * count
+        if len(values) != count:
+            raise InputError(
+                f"{what}, orders: expected {name} once or for each of {count} inputs, found "
+                f"{value!r}.",
+                "Correct it.",
+            )
+        by_input[name] = [check_order(what, name, v) for v in values]
+    numbers = {name: check_order(what, name, value) for name, value in numbers_by_name.items()}
+    nb, delay = by_input["nb"], by_input["delay"]
+    if channels.offset:
+        # an offset is one more input that is always 1: it needs one coefficient and no delay
+        nb, delay = [*nb, 1], [*delay, 0]
+    tied = "nf" in numbers
+    na = numbers["nf" if tied else "na"]
+    return Shape(na, tuple(nb), numbers.get("nc", 0), tuple(delay), tied)
+
+
+def check_order(what: str, name: str, value: Any) -> int:
+    """Check an order against the least value of its name."""
+    return whole_number(f"{what}, {name}", value, _LEAST[name])
 
 
 def equations(record: SampledLog, shape: Shape) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

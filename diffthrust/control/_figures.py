@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
-from diffthrust.control._base import Block, Controller
+from diffthrust.control._controllers import Block, Controller
 from diffthrust.control._faults import Change, Fault
 from diffthrust.control._mpc import MPC
 from diffthrust.control._recorded import RunSignals

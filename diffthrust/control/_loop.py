@@ -15,13 +15,12 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.validation import check_known, finite, whole_number
-from diffthrust.control._base import Controller, check_noise, mapping, seeded
-from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator, NoCompensator
+from diffthrust.control._controllers import Controller
 from diffthrust.control._faults import Fault, check_faults, fault_numbers
 from diffthrust.control._loop_scan import Parts, Timing, compiled_loop
-from diffthrust.control._plant import Plant, driven
-from diffthrust.control._recorded import RunSignals, bounded
+from diffthrust.control._plant import CommandPath, Plant, driven
+from diffthrust.control._recorded import RunSignals, bounded, check_noise, mapping, seeded
 from diffthrust.control._reference import Reference
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model

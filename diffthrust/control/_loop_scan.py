@@ -17,11 +17,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
-from diffthrust.control._base import Block, Controller, Kept
-from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator
+from diffthrust.control._controllers import Block, Controller, Kept
 from diffthrust.control._faults import FaultNumbers, factors_at, taken_command
-from diffthrust.control._plant import Plant, named
+from diffthrust.control._plant import CommandPath, Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._runge_kutta import advance, exponential_weights
 

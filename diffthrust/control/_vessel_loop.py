@@ -19,10 +19,16 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
-from diffthrust.control._base import check_noise, mapping, seeded
 from diffthrust.control._mpc import MPC
 from diffthrust.control._one_sample import State, begin, check_vessel, one_sample
-from diffthrust.control._recorded import RUN_AWAY, RunSignals, bounded
+from diffthrust.control._recorded import (
+    RUN_AWAY,
+    RunSignals,
+    bounded,
+    check_noise,
+    mapping,
+    seeded,
+)
 from diffthrust.control._reference import Path, Reference, wanted_at
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model

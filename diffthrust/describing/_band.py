@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from diffthrust._support.figures import showing
 from diffthrust._support.files import plain
-from diffthrust._support.report import Report
+from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
+from diffthrust._support.words import percent
 from diffthrust.describing._describe import notes_of, values_of
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._request import request
-from diffthrust.describing._tables import band_report
-from diffthrust.describing._values import BandValues, followed_phase
+from diffthrust.describing._values import ROWS, BandValues, followed_phase
 from diffthrust.uncertainty._prediction.draws import draws_of
+from diffthrust.uncertainty._prediction.tables import evenly, interval_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +48,34 @@ class DescribingBand(Result, BandValues):
         return f"{self.model}, {self.input} to {self.output}: {size}, {self.draws.shape[0]} draws"
 
     def _report(self) -> Report:
-        return band_report(self)
+        """Gain and phase with their intervals, at some of the points."""
+        result = self.shown
+        share = percent(result.level)
+        headings = (
+            f"Amplitude [{result.input_unit}]",
+            "Frequency [rad/s]",
+            f"Gain [{result.gain_unit}]",
+            f"{share} from",
+            "to",
+            "Phase [deg]",
+            f"{share} from",
+            "to",
+        )
+        rows = []
+        shown = (evenly(n, ROWS)[:: 2 if n > 4 else 1] for n in result.settled.shape)
+        for i, j in product(*shown):
+            gain = interval_text(*(float(v) for v in result.gain[:, i, j]))
+            phase = interval_text(*(float(v) for v in result.phase[:, i, j]))
+            point = f"{result.amplitudes[i]:.4g}", f"{result.frequencies[j]:.4g}"
+            rows.append((*point, *gain, *phase))
+        head = (
+            f"From {result.input} to {result.output}, by {result.method.replace('_', ' ')}: "
+            f"{result.draws.shape[0]} draws from the {result.kind}."
+        )
+        return Report(
+            Section("", Styled(result.model, "strong"), head),
+            Section("", Rows.of(headings, rows, numbers=range(8)), *notes(result.notes)),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data, ``null`` where there is none."""
