@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section, Styled, notes
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust._support.validation import check_word
-from diffthrust.blackbox._records import Channels
-from diffthrust.blackbox._system import System
+from diffthrust.blackbox._sampled import Channels, System
 from diffthrust.estimation._estimate import Estimate, parameter_rows
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.simulation._errors import Errors, errors
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ModelKind = Literal["arx", "armax", "output_error", "state_space"]
 Method = Literal["zero", "linear", "tustin"]

@@ -10,7 +10,7 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust.blackbox._model import BlackBox, ModelKind
 from diffthrust.blackbox._prediction_error import Orders, Shape, equations, shape_of, stretches
-from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
+from diffthrust.blackbox._sampled import Channels, SampledLog, observer_form, sampled_channels
 from diffthrust.blackbox._search import (
     FLAT,
     SearchEnd,
@@ -24,7 +24,6 @@ from diffthrust.blackbox._search import (
     search_coefficients,
     size_of,
 )
-from diffthrust.blackbox._system import observer_form
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log

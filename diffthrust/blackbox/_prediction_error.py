@@ -18,8 +18,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.validation import whole_number
-from diffthrust.blackbox._records import Channels, SampledLog
-from diffthrust.blackbox._system import passed
+from diffthrust.blackbox._sampled import Channels, SampledLog, passed
 
 
 @dataclass(frozen=True)

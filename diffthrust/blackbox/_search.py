@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from diffthrust.blackbox._prediction_error import Shape, Stretch, equations, stretches
-from diffthrust.blackbox._records import SampledLog
-from diffthrust.blackbox._system import System, passed
+from diffthrust.blackbox._sampled import SampledLog, System, passed
 
 _ROUNDS = 10
 """Of iterated least squares before an output error."""

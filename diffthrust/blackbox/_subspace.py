@@ -13,10 +13,9 @@ from diffthrust._support.validation import check_word
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._polynomial import check_enough, searched
 from diffthrust.blackbox._prediction_error import Shape, check_order
-from diffthrust.blackbox._records import SampledLog, sampled_channels
+from diffthrust.blackbox._sampled import SampledLog, System, sampled_channels
 from diffthrust.blackbox._search import armax_starts, bic_of, reflected, samples_of
 from diffthrust.blackbox._simulation_error import simulation_fit
-from diffthrust.blackbox._system import System
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.names import listing
 from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.control._compensators import Compensator, NoCompensator
@@ -25,9 +25,6 @@ from diffthrust.control._reference import Reference
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Tracking(NamedTuple):

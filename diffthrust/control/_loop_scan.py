@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
 from diffthrust.control._compensators import Compensator
-from diffthrust.control._controllers import Block, Controller, Kept
+from diffthrust.control._controllers import Controller, Kept
 from diffthrust.control._faults import FaultNumbers, factors_at, taken_command
 from diffthrust.control._plant import CommandPath, Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
@@ -144,7 +144,10 @@ def loop_signals(
     zero = jnp.zeros(())
     begin = {
         "state": first,
-        "kept": {name: _memory(block) for name, block in blocks.items()},
+        "kept": {
+            name: {n: jnp.asarray(block.start().get(n, 0.0), float) for n in block.states}
+            for name, block in blocks.items()
+        },
         **dict.fromkeys(("output", "wanted_thrust", "command", "taken", "motor_command"), zero),
         "line": jnp.zeros((timing.late + 1,)),
         "path": parts.path.start(),
@@ -214,11 +217,6 @@ def _when(flag: Array, every: int, new: dict[str, Any], carry: Mapping[str, Any]
     if every == 1:  # no select is needed
         return new
     return jax.tree.map(partial(jnp.where, flag), new, {name: carry[name] for name in new})
-
-
-def _memory(block: Block) -> dict[str, Array]:
-    start = block.start()
-    return {name: jnp.asarray(start.get(name, 0.0), float) for name in block.states}
 
 
 compiled_loop = program(1)(loop_signals)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
 from diffthrust.control._mpc import MPC
@@ -35,9 +35,6 @@ from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._fixed_step import checked_initial
 from diffthrust.simulation._trajectory import Key, arriving, read_out
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class PathError(NamedTuple):

@@ -24,8 +24,14 @@ from numpy.typing import ArrayLike
 from scipy.optimize import root
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._oscillation import BEYOND, STEPS_A_PERIOD, CycleSeries, LoopCourse
+from diffthrust.cycles._element import (
+    BEYOND,
+    STEPS_A_PERIOD,
+    CycleSeries,
+    LoopCourse,
+    Nonlinearity,
+    NotSimulated,
+)
 
 _GAUSS = np.polynomial.legendre.leggauss(64)
 _NUDGE = 1e-9

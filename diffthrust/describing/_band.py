@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.files import plain
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
@@ -19,9 +19,6 @@ from diffthrust.describing._request import request
 from diffthrust.describing._values import ROWS, BandValues, followed_phase
 from diffthrust.uncertainty._prediction.draws import draws_of
 from diffthrust.uncertainty._prediction.tables import evenly, interval_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class DescribingBand(Result, BandValues):

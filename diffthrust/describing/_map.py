@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.files import plain
 from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
@@ -14,9 +14,6 @@ from diffthrust._support.words import number
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._values import ROWS, DescribingValues
 from diffthrust.uncertainty._prediction.tables import evenly
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class DescribingMap(Result, DescribingValues):

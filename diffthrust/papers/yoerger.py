@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.results import Brief
 from diffthrust._support.validation import check_word, finite
 from diffthrust.logs._log import Log
@@ -22,10 +22,6 @@ from diffthrust.papers._line import FittedLine, fit_line, least_squares
 from diffthrust.papers._steady import Steady, steady_portions
 from diffthrust.simulation._simulate import simulate
 from diffthrust.uncertainty._prediction.physical import Quantity
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 __all__ = ["DynamicTest", "StaticTest", "dynamic_test", "static_test"]
 

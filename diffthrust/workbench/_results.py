@@ -87,7 +87,6 @@ class Results:
             stylesheets=[".bk-headers-wrapper { flex-wrap: wrap; }"],
             **STRETCHED,
         )
-        self.show_stretch(None, "")
         self.show_diagnosis(None)
 
     # -- the staircase ---------------------------------------------------------------------------
@@ -181,11 +180,8 @@ class Results:
 
     # -- what was found --------------------------------------------------------------------------
 
-    def show_stretch(self, diagnosis: Diagnosis | None, where: str) -> None:
+    def show_stretch(self, diagnosis: Diagnosis, where: str) -> None:
         """Rank what a diagnosis of one stretch alone has tried."""
-        if diagnosis is None:
-            self.stretch.text = ""
-            return
         tried = [t for t in diagnosis.ranking if t.stage == 0][:8]
         rows = "".join(
             f'<tr><td class="number">{k}</td><td>{_named(t.effect, diagnosis.added)}</td>'
