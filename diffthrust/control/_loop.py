@@ -18,7 +18,7 @@ from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.control._compensators import Compensator, NoCompensator
 from diffthrust.control._controllers import Controller
 from diffthrust.control._faults import Fault, check_faults, fault_numbers
-from diffthrust.control._loop_scan import Parts, Timing, compiled_loop
+from diffthrust.control._loop_scan import Parts, compiled_loop
 from diffthrust.control._plant import CommandPath, Plant, driven
 from diffthrust.control._recorded import RunSignals, bounded, check_noise, mapping, seeded
 from diffthrust.control._reference import Reference
@@ -262,8 +262,8 @@ class Loop:
         samples = self._samples
         late = round(self.delay * self.rate * samples)
         path = CommandPath(self.thruster, 1.0 / (self.rate * samples))
-        timing = Timing(samples, substeps, late)
-        return Parts(self._plant, self.controller, self.compensator, path, timing)
+        blocks = self._plant, self.controller, self.compensator
+        return Parts(*blocks, path, samples, substeps, late)
 
     @property
     def _samples(self) -> int:

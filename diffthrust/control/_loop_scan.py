@@ -26,15 +26,6 @@ from diffthrust.simulation._runge_kutta import advance, exponential_weights
 
 
 @dataclass(frozen=True)
-class Timing:
-    """How often things happen within a loop; fixes the compiled code."""
-
-    samples: int  # recorded samples in one period of the controller
-    substeps: int  # integrator steps in one recorded sample
-    late: int  # the computational delay, in recorded samples
-
-
-@dataclass(frozen=True)
 class Parts:
     """What a loop is made of, as a static argument: equal where the structure is equal."""
 
@@ -42,7 +33,9 @@ class Parts:
     controller: Controller = field(compare=False)
     compensator: Compensator | None = field(compare=False)
     path: CommandPath = field(compare=False)
-    timing: Timing
+    samples: int  # recorded samples in one period of the controller
+    substeps: int  # integrator steps in one recorded sample
+    late: int  # the computational delay, in recorded samples
     structure: tuple[Any, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -82,9 +75,8 @@ def loop_signals(
         for name, block in (("controller", parts.controller), ("compensator", parts.compensator))
         if block is not None
     }
-    timing = parts.timing
     time, step = rows["time"], rows["time"][1] - rows["time"][0]
-    short, period = step / timing.substeps, step * timing.samples
+    short, period = step / parts.substeps, step * parts.samples
 
     def plant_at(instant: Array) -> Plant:
         factors = factors_at(faults, instant)
@@ -99,7 +91,7 @@ def loop_signals(
         return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
 
     jumping = any("factors" in fault for fault in faults)
-    x, weights = _turns(rows, timing, short, decays, jumping=jumping)
+    x, weights = _turns(rows, parts, short, decays, jumping=jumping)
 
     def body(
         carry: dict[str, Any], x: Mapping[str, Any]
@@ -111,17 +103,17 @@ def loop_signals(
         wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
         s = Signals({**noisy, **wanted, "time": now})
         control = _controlled(blocks, s, carry["kept"], period)
-        control = _when(x["tick"], timing.samples * timing.substeps, control, carry)
+        control = _when(x["tick"], parts.samples * parts.substeps, control, carry)
         line = jnp.concatenate([control["output"][None], carry["line"][:-1]])
         # a line of outputs and not an index into the past: the loop's body stays one kernel
-        command = line[timing.late]
+        command = line[parts.late]
         # faults act on what arrives, after the dead time and before the motor controller's effects
         taken = taken_command(faults, command, carry["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
         inputs = {**inflow, **signals, "time": now, parts.path.channel: taken}
         motor, path = parts.path(plant.thruster.effects, inputs, carry["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
-        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, carry)
+        sent = _when(x["mark"], parts.substeps, {**sent, "path": path}, carry)
         # a record of the loop that is simulated again begins settled at its first command
         if settling:
             settled = plant.start(start, sent["motor_command"])
@@ -149,29 +141,29 @@ def loop_signals(
             for name, block in blocks.items()
         },
         **dict.fromkeys(("output", "wanted_thrust", "command", "taken", "motor_command"), zero),
-        "line": jnp.zeros((timing.late + 1,)),
+        "line": jnp.zeros((parts.late + 1,)),
         "path": parts.path.start(),
     }
     _, path = jax.lax.scan(body, begin, x)
-    path = {name: value[:: timing.substeps] for name, value in path.items()}
+    path = {name: value[:: parts.substeps] for name, value in path.items()}
     return {**path, **_read(plant_at(time), path, rows)}
 
 
 def _turns(
     rows: Mapping[str, Array],
-    timing: Timing,
+    parts: Parts,
     short: Array,
     decays: Callable[[Array], dict[str, Array]],
     *,
     jumping: bool,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Rows for every turn of the scan, and the weights of relaxing states if these are constant."""
-    x: dict[str, Any] = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
+    x: dict[str, Any] = {name: jnp.repeat(row, parts.substeps) for name, row in rows.items()}
     index = jnp.arange(x["time"].shape[0])
     time = rows["time"]
     x["time"] = time[0] + short * index.astype(float)
-    x["mark"] = index % timing.substeps == 0
-    x["tick"] = index % (timing.substeps * timing.samples) == 0
+    x["mark"] = index % parts.substeps == 0
+    x["tick"] = index % (parts.substeps * parts.samples) == 0
     x["first"] = index == 0
     fixed = {} if jumping else decays(time[0])
     weights = {name: exponential_weights(short, decay) for name, decay in fixed.items()}
