@@ -208,18 +208,15 @@ def _simulated(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stre
     rows = passed(a, np.stack(shape.late(record, t), axis=1))
     driven = rows @ np.concatenate(b)
     basis = _pulses(a, t.size, shape.na)
-    free = basis.shape[1]
-    start = np.zeros(free)
     _check_finite(driven, basis)
-    if free:
-        # nearly equal poles make nearly equal responses: directions at rounding level are left out
-        start = np.linalg.lstsq(basis[measured], y - driven[measured], rcond=1e-12)[0]
+    # nearly equal poles make nearly equal responses: directions at rounding level are left out
+    start = np.linalg.lstsq(basis[measured], y - driven[measured], rcond=1e-12)[0]
     w = driven + basis @ start
     past = passed(a, w)
     by_a = [_later(past, i) for i in range(1, shape.na + 1)]
     gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[measured]
     freed = _freed(gradient, basis[measured])
-    return [Stretch(y - w[measured], y.size, freed, free)]
+    return [Stretch(y - w[measured], y.size, freed, start.size)]
 
 
 def _check_finite(*series: np.ndarray) -> None:
@@ -241,8 +238,6 @@ def _pulses(c: np.ndarray, size: int, count: int) -> np.ndarray:
 
 def _freed(gradient: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """The gradient with starting values profiled out (projected off their responses)."""
-    if not basis.shape[1]:
-        return gradient
     # Kaufman's simplification of the variable-projection gradient: its second term is of the order
     # of the residuals
     q, _ = np.linalg.qr(basis)

@@ -268,8 +268,6 @@ def _zeros(
     i = np.flatnonzero(values[:-1] * values[1:] < 0)
     left, right, f, g = grid[i], grid[i + 1], values[i], values[i + 1]
     for _ in range(8):
-        if not i.size:
-            break
         # regula falsi alone keeps one end for ever on a bent curve; halving its value (Illinois)
         # makes it superlinear: Dowell & Jarratt 1971
         middle = right - g * (right - left) / np.where(g == f, 1.0, g - f)
