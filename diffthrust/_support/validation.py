@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError, Place
 from diffthrust._support.names import listing, nearest, short_repr
+from diffthrust._support.words import joined
 
 _OTHER_KINDS = {
     "U": ("of text", "convert it: numpy.asarray(values, dtype=float)."),
@@ -71,6 +72,13 @@ def check_known(
         near = nearest(str(name), names)
         hint = f" ({near})" if near else ""
         raise InputError(f"{lacking} {name!r}{hint}; {present} {listing(names)}.", mend)
+
+
+def check_word(where: str, word: Any, *words: str) -> None:
+    """Raise `InputError` for a word that is not among these."""
+    if word not in words:
+        listed = joined(map(repr, words), "or")
+        raise InputError(f"{where}: expected {listed}, found {word!r}.", "Correct it.")
 
 
 def finite_row(values: Any) -> np.ndarray | None:

@@ -4,26 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Section, Styled, notes
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer, transfer_of
-from diffthrust.blackbox._criteria import check_word
-from diffthrust.blackbox._records import Channels
-from diffthrust.blackbox._system import System
+from diffthrust._support.validation import check_word
+from diffthrust.blackbox._sampled import Channels, System
 from diffthrust.estimation._estimate import Estimate, parameter_rows
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 from diffthrust.simulation._errors import Errors, errors
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ModelKind = Literal["arx", "armax", "output_error", "state_space"]
 Method = Literal["zero", "linear", "tustin"]
@@ -101,7 +97,7 @@ class BlackBox(Result):
 
     def zeros(self, input: str | None = None, output: str | None = None) -> np.ndarray:
         """Zeros in z from one input to one output, without those of a delay."""
-        num, _ = self._rational(*self._pair(input, output))
+        num, _ = _fraction(*self._of(*self._pair(input, output)))
         return np.roots(num)
 
     def simulate(
@@ -196,13 +192,20 @@ class BlackBox(Result):
                 "this library.",
             ) from None
         check_word("to_control, form", form, "transfer", "states")
-        lags = self.plain.lags or (0,) * len(self.channels.inputs)
+        s, m = self.plain, len(self.channels.inputs)
+        lags = s.lags[:m] or (0,) * m
         names: Any = {"inputs": [*self.channels.inputs], "outputs": [*self.channels.outputs]}
         if form == "transfer":
-            num, den = self._rational(*self._pair(None, None))
+            num, den = _fraction(*self._of(*self._pair(None, None)))
             den = np.concatenate([den, np.zeros(lags[0])])
             return control.TransferFunction(num, den, self.step, **names)
-        return control.StateSpace(*_with_lags(self, lags), self.step, **names)
+        # python-control has no input delay in discrete time: each is a chain of unit delays
+        chains = (
+            (np.eye(n, k=-1), np.eye(n, 1), np.eye(1, n, n - 1), [[float(n == 0)]]) for n in lags
+        )
+        late = control.append(*(control.StateSpace(*chain, self.step) for chain in chains))
+        prompt = control.StateSpace(s.a, s.b[:, :m], s.c, s.d[:, :m], self.step)
+        return control.ss(control.series(late, prompt), **names)
 
     def _line(self) -> str:
         return f"{self}: {self.status}, {self.samples} samples"
@@ -265,10 +268,6 @@ class BlackBox(Result):
         s = self.plain
         return s.a, s.b[:, [j]], s.c[[i]], s.d[[i]][:, [j]]
 
-    def _rational(self, j: int, i: int) -> tuple[np.ndarray, np.ndarray]:
-        """Numerator and denominator in z, highest power first, without the lag."""
-        return _fraction(*self._of(j, i))
-
 
 def _fraction(a: Any, b: Any, c: Any, d: Any) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator of one input and one output, highest power first."""
@@ -286,29 +285,6 @@ def _complex_word(value: complex) -> str:
     if abs(np.imag(value)) < 1e-9 * max(1.0, abs(value)):
         return f"{np.real(value):.5g}"
     return f"{np.real(value):.5g} {'+' if np.imag(value) > 0 else '-'} {abs(np.imag(value)):.5g}i"
-
-
-def _with_lags(model: BlackBox, lags: tuple[int, ...]) -> tuple[np.ndarray, ...]:
-    """The matrices with a chain of states for each delayed input; without an offset."""
-    m = len(model.channels.inputs)
-    s = model.plain
-    n, more = s.order, sum(lags[:m])
-    a, b = np.zeros((n + more, n + more)), np.zeros((n + more, m))
-    c, d = np.zeros((len(s.c), n + more)), np.zeros((len(s.c), m))
-    a[:n, :n], c[:, :n] = s.a, s.c
-    first = n
-    for j, lag in enumerate(lags[:m]):
-        if not lag:
-            b[:n, j], d[:, j] = s.b[:, j], s.d[:, j]
-            continue
-        last = first + lag - 1
-        # python-control has no input delay in discrete time: each is a chain of unit delays
-        b[first, j] = 1.0
-        for k in range(first, last):
-            a[k + 1, k] = 1.0
-        a[:n, last], c[:, last] = s.b[:, j], s.d[:, j]
-        first = last + 1
-    return a, b, c, d
 
 
 def _continued(

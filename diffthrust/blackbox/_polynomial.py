@@ -8,21 +8,22 @@ from typing import Any
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.blackbox._criteria import Orders, bic_of, memory_note, samples_of, shape_of
 from diffthrust.blackbox._model import BlackBox, ModelKind
-from diffthrust.blackbox._prediction_error import Shape, equations, stretches
-from diffthrust.blackbox._records import Channels, SampledLog, sampled_channels
+from diffthrust.blackbox._prediction_error import Orders, Shape, equations, shape_of, stretches
+from diffthrust.blackbox._sampled import Channels, SampledLog, observer_form, sampled_channels
 from diffthrust.blackbox._search import (
     FLAT,
     SearchEnd,
     armax_starts,
+    bic_of,
     equation_fit,
     judged,
+    memory_note,
     output_error_starts,
+    samples_of,
     search_coefficients,
     size_of,
 )
-from diffthrust.blackbox._system import observer_form
 from diffthrust.estimation._estimate import Estimate
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log

@@ -12,11 +12,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from diffthrust.blackbox._records import SampledLog
-from diffthrust.blackbox._system import passed
+from diffthrust._support.errors import InputError
+from diffthrust._support.validation import whole_number
+from diffthrust.blackbox._sampled import Channels, SampledLog, passed
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,47 @@ class Shape:
     def with_c(self, theta: np.ndarray, c: np.ndarray) -> np.ndarray:
         """The coefficients with C replaced."""
         return np.concatenate([theta[: self.na + sum(self.nb)], c[1:]])
+
+
+Orders = Sequence[int | Sequence[int]]
+"""A number for each name; nb and delay may be tuples by input."""
+_LEAST = {"na": 0, "nb": 1, "nc": 0, "nf": 0, "delay": 0, "order": 1}
+
+
+def shape_of(what: str, orders: Orders, names: Sequence[str], channels: Channels) -> Shape:
+    """The coefficients for given orders, one for each name of ``("na", "nb", "delay")``."""
+    if not isinstance(orders, Sequence) or len(orders) != len(names):
+        raise InputError(
+            f"{what}, orders: expected ({', '.join(names)}), found {orders!r}.",
+            f"Write orders=({', '.join('1' if n in ('delay', 'nc') else '2' for n in names)}).",
+        )
+    numbers_by_name: dict[str, Any] = dict(zip(names, orders, strict=True))
+    count = len(channels.inputs)
+    by_input = {}
+    for name in ("nb", "delay"):
+        value = numbers_by_name.pop(name)
+        several = isinstance(value, Sequence) and not isinstance(value, str)
+        values = list(value) if several else [value] * count
+        if len(values) != count:
+            raise InputError(
+                f"{what}, orders: expected {name} once or for each of {count} inputs, found "
+                f"{value!r}.",
+                "Correct it.",
+            )
+        by_input[name] = [check_order(what, name, v) for v in values]
+    numbers = {name: check_order(what, name, value) for name, value in numbers_by_name.items()}
+    nb, delay = by_input["nb"], by_input["delay"]
+    if channels.offset:
+        # an offset is one more input that is always 1: it needs one coefficient and no delay
+        nb, delay = [*nb, 1], [*delay, 0]
+    tied = "nf" in numbers
+    na = numbers["nf" if tied else "na"]
+    return Shape(na, tuple(nb), numbers.get("nc", 0), tuple(delay), tied)
+
+
+def check_order(what: str, name: str, value: Any) -> int:
+    """Check an order against the least value of its name."""
+    return whole_number(f"{what}, {name}", value, _LEAST[name])
 
 
 def equations(record: SampledLog, shape: Shape) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -165,18 +208,15 @@ def _simulated(record: SampledLog, shape: Shape, theta: np.ndarray) -> list[Stre
     rows = passed(a, np.stack(shape.late(record, t), axis=1))
     driven = rows @ np.concatenate(b)
     basis = _pulses(a, t.size, shape.na)
-    free = basis.shape[1]
-    start = np.zeros(free)
     _check_finite(driven, basis)
-    if free:
-        # nearly equal poles make nearly equal responses: directions at rounding level are left out
-        start = np.linalg.lstsq(basis[measured], y - driven[measured], rcond=1e-12)[0]
+    # nearly equal poles make nearly equal responses: directions at rounding level are left out
+    start = np.linalg.lstsq(basis[measured], y - driven[measured], rcond=1e-12)[0]
     w = driven + basis @ start
     past = passed(a, w)
     by_a = [_later(past, i) for i in range(1, shape.na + 1)]
     gradient = np.concatenate([*(x[:, None] for x in by_a), -rows], axis=1)[measured]
     freed = _freed(gradient, basis[measured])
-    return [Stretch(y - w[measured], y.size, freed, free)]
+    return [Stretch(y - w[measured], y.size, freed, start.size)]
 
 
 def _check_finite(*series: np.ndarray) -> None:
@@ -198,8 +238,6 @@ def _pulses(c: np.ndarray, size: int, count: int) -> np.ndarray:
 
 def _freed(gradient: np.ndarray, basis: np.ndarray) -> np.ndarray:
     """The gradient with starting values profiled out (projected off their responses)."""
-    if not basis.shape[1]:
-        return gradient
     # Kaufman's simplification of the variable-projection gradient: its second term is of the order
     # of the residuals
     q, _ = np.linalg.qr(basis)

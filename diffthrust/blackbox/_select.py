@@ -13,10 +13,11 @@ from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
+from diffthrust._support.validation import check_word
 from diffthrust._support.words import number
-from diffthrust.blackbox._criteria import check_order, check_word
 from diffthrust.blackbox._model import BlackBox, ModelKind
 from diffthrust.blackbox._polynomial import armax, arx, output_error
+from diffthrust.blackbox._prediction_error import check_order
 from diffthrust.blackbox._subspace import state_space
 from diffthrust.logs._log import Log
 

@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.blackbox._records import SampledLog
+from diffthrust.blackbox._sampled import SampledLog, System
 from diffthrust.blackbox._search import FLAT
-from diffthrust.blackbox._system import System
 
 _STEPS = 100
 _STILL = 1e-6

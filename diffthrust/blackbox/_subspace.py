@@ -9,14 +9,13 @@ from typing import Literal
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust.blackbox._criteria import bic_of, check_order, check_word, samples_of
+from diffthrust._support.validation import check_word
 from diffthrust.blackbox._model import BlackBox
 from diffthrust.blackbox._polynomial import check_enough, searched
-from diffthrust.blackbox._prediction_error import Shape
-from diffthrust.blackbox._records import SampledLog, sampled_channels
-from diffthrust.blackbox._search import armax_starts, reflected
+from diffthrust.blackbox._prediction_error import Shape, check_order
+from diffthrust.blackbox._sampled import SampledLog, System, sampled_channels
+from diffthrust.blackbox._search import armax_starts, bic_of, reflected, samples_of
 from diffthrust.blackbox._simulation_error import simulation_fit
-from diffthrust.blackbox._system import System
 from diffthrust.estimation._status import Status
 from diffthrust.logs._log import Log
 

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.report import Bullets, Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
 from diffthrust._support.words import capitalised, joined, number, with_error
 from diffthrust.layouts._mixer import AXES, Mixer
 from diffthrust.models._base.parameter import means_note
 from diffthrust.models._craft.craft import Craft
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _WORTH = 0.02
 """Unwanted force below this share is not told: a controller's feedback removes it unseen."""
@@ -98,15 +95,18 @@ class Allocation(Result):
 
     def _scales(self) -> np.ndarray:
         """The force along each axis of a command of its own, or the most along any like it."""
-        could = np.abs(self.effectiveness).sum(axis=1) * self.level * self.full
+        could, most = self._could()
         scales = []
         for axis in self.axes:
-            like = slice(0, 3) if axis in AXES[:3] else slice(3, 6)
-            own = self._own(axis)
-            moves = own is not None and abs(own) > 0.1 * could[AXES.index(axis)]
-            scales.append(own if moves else could[like].max())
+            k, own = AXES.index(axis), self._own(axis)
+            scales.append(own if own is not None and abs(own) > 0.1 * could[k] else most[k])
         sizes = np.array(scales, float)
         return np.where(sizes != 0, sizes, 1.0)
+
+    def _could(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the thrusters could do along each of `AXES`, and at most along any like it."""
+        could = np.abs(self.effectiveness).sum(axis=1) * self.level * self.full
+        return could, np.repeat(could.reshape(2, 3).max(axis=1), 3)
 
     def _own(self, axis: str) -> float | None:
         """The force along an axis by its own command; None where nothing commands it."""
@@ -133,16 +133,16 @@ class Allocation(Result):
 
     def _wrong(self) -> Iterator[str]:
         """Commands that push the other way, hardly or not at all, and thrusters sent nothing."""
-        scales = np.abs(self.effectiveness).sum(axis=1) * self.level * self.full
+        strengths, most = self._could()
         for column, command in enumerate(self.mixer.commands):
             if command not in self.axes:
                 continue
             if not self._uses(column):
                 yield f"A {command} command sends nothing to any thruster."
                 continue
-            own, could = self._own(command) or 0.0, scales[AXES.index(command)]
-            like = slice(0, 3) if command in AXES[:3] else slice(3, 6)
-            if could <= 1e-9 * scales[like].max():
+            k, own = AXES.index(command), self._own(command) or 0.0
+            could = strengths[k]
+            if could <= 1e-9 * most[k]:
                 yield f"A {command} command gives no {command}: no thruster can."
             elif abs(own) < 0.1 * could:
                 yield (

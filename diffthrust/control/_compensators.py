@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
-from diffthrust.control._base import Block, Kept, rate_of
+from diffthrust.control._controllers import Block, Kept, rate_of
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter, parameter
 from diffthrust.models._base.quadratic_load import QuadraticLoad

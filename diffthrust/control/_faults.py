@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -96,6 +96,8 @@ class Limited:
 
 
 Fault = Change | Stuck | Limited
+FaultNumbers = tuple[dict[str, Any], ...]
+"""The fields of faults: names, and what is ``None``, are structure, the numbers are leaves."""
 
 
 def duct_obstruction(at: float, load: float = 2.0, thrust: float = 0.9) -> Change:
@@ -147,58 +149,35 @@ def check_faults(faults: Any, parameters: Mapping[str, Any]) -> tuple[Fault, ...
     return checked
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class FaultNumbers:
-    """The faults of a loop as a pytree: their kinds are structure, their numbers are leaves."""
-
-    kinds: tuple[tuple[Any, ...], ...] = field(metadata={"static": True})
-    leaves: tuple[Mapping[str, Array], ...] = ()
-
-    @classmethod
-    def of(cls, faults: tuple[Fault, ...]) -> FaultNumbers:
-        """The numbers of some faults."""
-        kinds, leaves = [], []
-        for fault in faults:
-            numbers = {"at": float(fault.at), "until": float(fault.until)}
-            match fault:
-                case Change():
-                    # names are structure, instants and factors are leaves: a scan over sizes of a
-                    # fault compiles once
-                    kinds.append(("change", *fault.factors))
-                    numbers |= {name: float(value) for name, value in fault.factors.items()}
-                case Stuck():
-                    kinds.append(("stuck", fault.value is None))
-                    numbers |= {"value": float(fault.value or 0.0)}
-                case Limited():
-                    kinds.append(("limited",))
-                    numbers |= {"limit": float(fault.limit)}
-            leaves.append(numbers)
-        return cls(tuple(kinds), tuple(leaves))
-
-    @property
-    def changes(self) -> bool:
-        """Whether parameters of the plant jump."""
-        return any(kind[0] == "change" for kind in self.kinds)
-
-    def factors(self, time: Array) -> dict[str, Array]:
-        """What each parameter is multiplied with at an instant, or at many."""
-        out: dict[str, Array] = {}
-        for kind, n in zip(self.kinds, self.leaves, strict=True):
-            for name in kind[1:] if kind[0] == "change" else ():
-                out[name] = out.get(name, 1.0) * jnp.where(_acts(n, time), n[name], 1.0)
-        return out
-
-    def command(self, sent: Array, last: Array, time: Array) -> Array:
-        """The command that the motor controller takes, from the one sent and its last one."""
-        for kind, n in zip(self.kinds, self.leaves, strict=True):
-            if kind[0] == "stuck":
-                sent = jnp.where(_acts(n, time), last if kind[1] else n["value"], sent)
-            elif kind[0] == "limited":
-                cut = jnp.clip(sent, -n["limit"], n["limit"])
-                sent = jnp.where(_acts(n, time), cut, sent)
-        return sent
+def fault_numbers(faults: Iterable[Fault]) -> FaultNumbers:
+    """Faults as a pytree, so that a scan over sizes of a fault compiles once."""
+    fields = (
+        {name: dict(v) if isinstance(v, Mapping) else v for name, v in vars(fault).items()}
+        for fault in faults
+    )
+    return jax.tree.map(float, tuple(fields))
 
 
-def _acts(n: Mapping[str, Array], time: Array) -> Array:
+def factors_at(faults: FaultNumbers, time: Array) -> dict[str, Array]:
+    """What each parameter of the plant is multiplied with at an instant, or at many."""
+    out: dict[str, Array] = {}
+    for n in faults:
+        for name, factor in n.get("factors", {}).items():
+            out[name] = out.get(name, 1.0) * jnp.where(_acts(n, time), factor, 1.0)
+    return out
+
+
+def taken_command(faults: FaultNumbers, sent: Array, last: Array, time: Array) -> Array:
+    """The command that the motor controller takes, from the one sent and its last one."""
+    for n in faults:
+        if "value" in n:
+            held = last if n["value"] is None else n["value"]
+            sent = jnp.where(_acts(n, time), held, sent)
+        elif "limit" in n:
+            cut = jnp.clip(sent, -n["limit"], n["limit"])
+            sent = jnp.where(_acts(n, time), cut, sent)
+    return sent
+
+
+def _acts(n: Mapping[str, Any], time: Array) -> Array:
     return (time >= n["at"] - _ROUNDING) & (time < n["until"] - _ROUNDING)

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, styled, thinned
-from diffthrust.control._base import Block, Controller
+from diffthrust.control._controllers import Block, Controller
 from diffthrust.control._faults import Change, Fault
 from diffthrust.control._mpc import MPC
 from diffthrust.control._recorded import RunSignals
 from diffthrust.logs._units import convert
 from diffthrust.models._base.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _WIDE = {"color": GREY, "linewidth": 2.4}
 _THIN = {"color": VERMILLION, "linewidth": 1.1}
@@ -35,8 +32,6 @@ def run_figure(
 
     The first of the blocks is the controller.
     """
-    from matplotlib.figure import Figure
-
     assert isinstance(blocks[0], Controller)
     of = blocks[0].of
     estimates = [name for name in run.signals if name.endswith(_ESTIMATES)]
@@ -76,8 +71,6 @@ def _panel(axes: Axes, run: RunSignals, names: tuple[str, ...], label: str, unit
 
 def track_figure(run: RunSignals, vessel: Model, mpc: MPC) -> Figure:
     """The path over the water on top; errors, what has limits, and what was estimated below."""
-    from matplotlib.figure import Figure
-
     limited = list(mpc.limits)
     estimating = mpc.disturbance is not None
     below = 1 + len(limited) + estimating
@@ -152,8 +145,6 @@ def allocation_figure(
     title: str, axes: Sequence[str], as_is: Mapping[str, np.ndarray], corrected: np.ndarray
 ) -> Figure:
     """A panel for each command: what it does along each axis, as it is and corrected."""
-    from matplotlib.figure import Figure
-
     rows, height = (len(as_is) + 1) // 2, 0.8 + 0.32 * len(axes)
     figure = Figure(figsize=(8.0, 0.8 + height * rows), layout="constrained")
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)

@@ -6,29 +6,25 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import jax.numpy as jnp
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.names import listing
 from diffthrust._support.validation import check_known, finite, whole_number
-from diffthrust.control._base import Controller, check_noise, mapping, seeded
-from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator, NoCompensator
-from diffthrust.control._faults import Fault, FaultNumbers, check_faults
-from diffthrust.control._loop_scan import Parts, Timing, compiled_loop
-from diffthrust.control._plant import Plant, driven
-from diffthrust.control._recorded import RunSignals, bounded
+from diffthrust.control._controllers import Controller
+from diffthrust.control._faults import Fault, check_faults, fault_numbers
+from diffthrust.control._loop_scan import Parts, compiled_loop
+from diffthrust.control._plant import CommandPath, Plant, driven
+from diffthrust.control._recorded import RunSignals, bounded, check_noise, mapping, seeded
 from diffthrust.control._reference import Reference
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.parameter import Parameter
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class Tracking(NamedTuple):
@@ -211,11 +207,10 @@ class Loop:
         """Thruster and vehicle as one system."""
         constants = mapping("Loop, given", self.given, '{"supply_voltage": 24.0}')
         numbers = {
-            name: finite(f"Loop, given '{name}'", value, lambda x: True, "a number")
+            name: jnp.asarray(finite(f"Loop, given '{name}'", value, lambda x: True, "a number"))
             for name, value in constants.items()
         }
-        arrays = {name: jnp.asarray(value) for name, value in numbers.items()}
-        return Plant(self.thruster, self.vehicle, arrays)
+        return Plant(self.thruster, self.vehicle, numbers)
 
     @property
     def _members(self) -> dict[str, Any]:
@@ -258,11 +253,8 @@ class Loop:
                     f"Loop has no argument '{name}'; it has {listing(self.__dataclass_fields__)}.",
                     'Give parameters by their full names: replace({"thruster.ct": 0.02}).',
                 )
-        changed = {}
-        for member, named in grouped.items():
-            block = self._members[member]
-            model = isinstance(block, Model)
-            changed[member] = block.replace(named) if model else block.replace(**named)
+        members = self._members
+        changed = {member: members[member].replace(**named) for member, named in grouped.items()}
         return replace(self, **changed, **fields)
 
     def _parts(self, substeps: int) -> Parts:
@@ -270,8 +262,8 @@ class Loop:
         samples = self._samples
         late = round(self.delay * self.rate * samples)
         path = CommandPath(self.thruster, 1.0 / (self.rate * samples))
-        timing = Timing(samples, substeps, late)
-        return Parts(self._plant, self.controller, self.compensator, path, timing)
+        blocks = self._plant, self.controller, self.compensator
+        return Parts(*blocks, path, samples, substeps, late)
 
     @property
     def _samples(self) -> int:
@@ -325,7 +317,7 @@ class Loop:
             for name, value in states.items()
         }
         values = {name: jnp.asarray(p.value, float) for name, p in self.parameters.items()}
-        faults = FaultNumbers.of(tuple(self.faults))  # pyright: ignore[reportArgumentType]
+        faults = fault_numbers(self.faults)  # pyright: ignore[reportArgumentType]
         traced = ({n: jnp.asarray(value) for n, value in row.items()} for row in (rows, start))
         return parts, values, parts.plant.given, faults, *traced
 

@@ -8,7 +8,7 @@ elementwise, so XLA compiles the loop as one kernel, and forward derivatives pas
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -17,46 +17,32 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
-from diffthrust.control._base import Block, Controller, Kept
-from diffthrust.control._command_path import CommandPath
 from diffthrust.control._compensators import Compensator
-from diffthrust.control._faults import FaultNumbers
-from diffthrust.control._plant import Plant, named
+from diffthrust.control._controllers import Controller, Kept
+from diffthrust.control._faults import FaultNumbers, factors_at, taken_command
+from diffthrust.control._plant import CommandPath, Plant, named
 from diffthrust.models._base.signals import Relaxing, Signals, elementwise, expect
 from diffthrust.simulation._integrate import advance, exponential_weights
 
 
 @dataclass(frozen=True)
-class Timing:
-    """How often things happen within a loop; fixes the compiled code."""
-
-    samples: int  # recorded samples in one period of the controller
-    substeps: int  # integrator steps in one recorded sample
-    late: int  # the computational delay, in recorded samples
-
-
-@dataclass(frozen=True, eq=False)
 class Parts:
     """What a loop is made of, as a static argument: equal where the structure is equal."""
 
-    plant: Plant
-    controller: Controller
-    compensator: Compensator | None
-    path: CommandPath
-    timing: Timing
+    plant: Plant = field(compare=False)
+    controller: Controller = field(compare=False)
+    compensator: Compensator | None = field(compare=False)
+    path: CommandPath = field(compare=False)
+    samples: int  # recorded samples in one period of the controller
+    substeps: int  # integrator steps in one recorded sample
+    late: int  # the computational delay, in recorded samples
+    structure: tuple[Any, ...] = field(init=False)
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """What fixes the compiled code."""
+    def __post_init__(self) -> None:
         parts = (self.plant.thruster, self.plant.vehicle, self.controller, self.compensator)
-        classes = tuple(block.structure if block else None for block in parts)
-        return (*classes, tuple(self.plant.given), tuple(self.path.lengths.items()), self.timing)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Parts) and self.structure == other.structure
-
-    def __hash__(self) -> int:
-        return hash(self.structure)
+        classes = (block.structure if block else None for block in parts)
+        memories = tuple(self.path.lengths.items())
+        object.__setattr__(self, "structure", (*classes, tuple(self.plant.given), memories))
 
 
 def loop_signals(
@@ -89,12 +75,11 @@ def loop_signals(
         for name, block in (("controller", parts.controller), ("compensator", parts.compensator))
         if block is not None
     }
-    timing = parts.timing
     time, step = rows["time"], rows["time"][1] - rows["time"][0]
-    short, period = step / timing.substeps, step * timing.samples
+    short, period = step / parts.substeps, step * parts.samples
 
     def plant_at(instant: Array) -> Plant:
-        factors = faults.factors(instant)
+        factors = factors_at(faults, instant)
         return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
 
     first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
@@ -105,7 +90,8 @@ def loop_signals(
         rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
         return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
 
-    x, weights = _turns(rows, timing, short, decays, jumping=faults.changes)
+    jumping = any("factors" in fault for fault in faults)
+    x, weights = _turns(rows, parts, short, decays, jumping=jumping)
 
     def body(
         carry: dict[str, Any], x: Mapping[str, Any]
@@ -117,17 +103,17 @@ def loop_signals(
         wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
         s = Signals({**noisy, **wanted, "time": now})
         control = _controlled(blocks, s, carry["kept"], period)
-        control = _when(x["tick"], timing.samples * timing.substeps, control, carry)
+        control = _when(x["tick"], parts.samples * parts.substeps, control, carry)
         line = jnp.concatenate([control["output"][None], carry["line"][:-1]])
         # a line of outputs and not an index into the past: the loop's body stays one kernel
-        command = line[timing.late]
+        command = line[parts.late]
         # faults act on what arrives, after the dead time and before the motor controller's effects
-        taken = faults.command(command, carry["taken"], now)
+        taken = taken_command(faults, command, carry["taken"], now)
         inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
         inputs = {**inflow, **signals, "time": now, parts.path.channel: taken}
         motor, path = parts.path(plant.thruster.effects, inputs, carry["path"], x["first"], step)
         sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
-        sent = _when(x["mark"], timing.substeps, {**sent, "path": path}, carry)
+        sent = _when(x["mark"], parts.substeps, {**sent, "path": path}, carry)
         # a record of the loop that is simulated again begins settled at its first command
         if settling:
             settled = plant.start(start, sent["motor_command"])
@@ -150,31 +136,34 @@ def loop_signals(
     zero = jnp.zeros(())
     begin = {
         "state": first,
-        "kept": {name: _memory(block) for name, block in blocks.items()},
+        "kept": {
+            name: {n: jnp.asarray(block.start().get(n, 0.0), float) for n in block.states}
+            for name, block in blocks.items()
+        },
         **dict.fromkeys(("output", "wanted_thrust", "command", "taken", "motor_command"), zero),
-        "line": jnp.zeros((timing.late + 1,)),
+        "line": jnp.zeros((parts.late + 1,)),
         "path": parts.path.start(),
     }
     _, path = jax.lax.scan(body, begin, x)
-    path = {name: value[:: timing.substeps] for name, value in path.items()}
+    path = {name: value[:: parts.substeps] for name, value in path.items()}
     return {**path, **_read(plant_at(time), path, rows)}
 
 
 def _turns(
     rows: Mapping[str, Array],
-    timing: Timing,
+    parts: Parts,
     short: Array,
     decays: Callable[[Array], dict[str, Array]],
     *,
     jumping: bool,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Rows for every turn of the scan, and the weights of relaxing states if these are constant."""
-    x: dict[str, Any] = {name: jnp.repeat(row, timing.substeps) for name, row in rows.items()}
+    x: dict[str, Any] = {name: jnp.repeat(row, parts.substeps) for name, row in rows.items()}
     index = jnp.arange(x["time"].shape[0])
     time = rows["time"]
     x["time"] = time[0] + short * index.astype(float)
-    x["mark"] = index % timing.substeps == 0
-    x["tick"] = index % (timing.substeps * timing.samples) == 0
+    x["mark"] = index % parts.substeps == 0
+    x["tick"] = index % (parts.substeps * parts.samples) == 0
     x["first"] = index == 0
     fixed = {} if jumping else decays(time[0])
     weights = {name: exponential_weights(short, decay) for name, decay in fixed.items()}
@@ -220,11 +209,6 @@ def _when(flag: Array, every: int, new: dict[str, Any], carry: Mapping[str, Any]
     if every == 1:  # no select is needed
         return new
     return jax.tree.map(partial(jnp.where, flag), new, {name: carry[name] for name in new})
-
-
-def _memory(block: Block) -> dict[str, Array]:
-    start = block.start()
-    return {name: jnp.asarray(start.get(name, 0.0), float) for name in block.states}
 
 
 compiled_loop = program(1)(loop_signals)

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
-from diffthrust.control._least_squares import least_squares_below, least_squares_within
+from diffthrust._support.box import least_squares_below, least_squares_within
 from diffthrust.control._one_sample import AT_SEA, SPEEDS, State, one_sample
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._trajectory import Key

@@ -1,7 +1,8 @@
-"""A thruster, and the vehicle that it pushes, as one system of equations."""
+"""A thruster with the effects on its command, and the vehicle that it pushes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,12 +12,14 @@ from jaxtyping import Array
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
-from diffthrust.control._base import Controller
 from diffthrust.control._compensators import Compensator
-from diffthrust.models._base.effect import Ports
+from diffthrust.control._controllers import Controller
+from diffthrust.effects import CommandDelay, CommandRateLimit
+from diffthrust.models._base.effect import Effect, Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals, expect
-from diffthrust.simulation._trajectory import equations_of, starting_point
+from diffthrust.models._craft.placed import Placed
+from diffthrust.simulation._trajectory import equations_of, measured_by, starting_point
 
 
 def driven(thruster: Model) -> str:
@@ -37,16 +40,11 @@ class Plant:
     The vehicle moves under the thrust as it is, not as a sensor reports it. Where there is a
     vehicle, the thruster's input ``inflow`` is the vehicle's velocity: the water comes at the
     propeller as fast as the vehicle moves through it.
-
-    Args:
-        thruster: a model with the input ``command``, or a craft of one thruster.
-        vehicle: a model with the input ``thrust``, or ``None``.
-        given: other inputs of the thruster, constant.
     """
 
-    thruster: Model
-    vehicle: Model | None
-    given: Mapping[str, Array]
+    thruster: Model  # with the input ``command``, or a craft of one thruster
+    vehicle: Model | None  # with the input ``thrust``
+    given: Mapping[str, Array]  # other inputs of the thruster, constant
 
     def check(self) -> None:
         """Raise `InputError` where the two cannot be joined."""
@@ -222,13 +220,89 @@ def _side(
     port = Ports(model.effects, s)
     derivatives, outputs = equations_of(model, s, port)
     rates = {**derivatives, **port.rates}
-    where = f"{type(model).__name__}.equations"
-    expect(where, "rate of the state", model.all_states, rates)
-    expect(where, "output", model.outputs, outputs)
-    outputs = {name: outputs[name] for name in model.outputs}
+    expect(f"{type(model).__name__}.equations", "rate of the state", model.all_states, rates)
     shape = jnp.shape(signals["time"])
-    if shape:
-        outputs = {name: jnp.broadcast_to(value, shape) for name, value in outputs.items()}
-    now = [effect for effect in model.effects if shape or not effect.memory]
-    sensor = Ports(now, s.also(outputs))
-    return rates, outputs, {name: sensor(name, value) for name, value in outputs.items()}
+    now = tuple(effect for effect in model.effects if shape or not effect.memory)
+    reported = measured_by(model._copy(effects=now), s, outputs)
+    return rates, {n: jnp.broadcast_to(outputs[n], shape) for n in model.outputs}, reported
+
+
+def _delayed(line: Array, value: Array, first: Array, samples: Array) -> tuple[Array, Array]:
+    """A sample so many samples later, linear between them, and the line of samples to remember.
+
+    The line has the newest in front, ``(n,)`` with n above ``samples``, and begins full of the
+    first.
+    """
+    line = jnp.where(first, value, jnp.concatenate([value[None], line[:-1]]))
+    # weights in the place of an index: no gather in the loop's body, and a derivative by the delay
+    weights = jnp.maximum(1.0 - jnp.abs(samples - jnp.arange(line.shape[0], dtype=float)), 0.0)
+    return jnp.sum(weights * line), line
+
+
+class CommandPath:
+    """The effects on the command of a thruster, sample by sample: what they do to whole records.
+
+    The numbers are those of `effects._forms`, so that a loop's record, simulated again from its
+    commands, moves as it did in the loop. The samples are ``step`` [s] apart. An `InputError`
+    refuses an effect that reads other samples than the present one, of which no form is known that
+    runs sample by sample.
+    """
+
+    def __init__(self, thruster: Model, step: float) -> None:
+        self.channel: str = driven(thruster)
+        self.lengths: dict[str, int] = {}
+        """Samples that each effect remembers; they fix the compiled code."""
+        for placed in thruster.effects:
+            effect = _itself(placed)
+            at = [port for port in placed.ports if port in thruster.inputs]
+            if not at or not effect.memory:
+                continue
+            if isinstance(effect, CommandDelay):
+                samples = math.ceil(float(effect.delay) / step + 1e-6) + 1
+                # powers of two: another delay seldom needs another compilation
+                self.lengths[placed.name] = 2 ** max(1, math.ceil(math.log2(samples)))
+            elif isinstance(effect, CommandRateLimit):
+                self.lengths[placed.name] = 0
+            else:
+                raise InputError(
+                    f"The effect '{effect.name}' acts on whole records of '{at[0]}' and reads "
+                    "other samples than the present one: it cannot run within a loop, where the "
+                    "later samples are not known yet.",
+                    "Leave it out, or give it states at a port inside the model.",
+                )
+
+    def start(self) -> dict[str, Array]:
+        """What is remembered before the first sample."""
+        return {name: jnp.zeros((n,) if n else ()) for name, n in self.lengths.items()}
+
+    def __call__(
+        self,
+        effects: tuple[Effect, ...],
+        signals: Mapping[str, Array],
+        kept: Mapping[str, Array],
+        first: Array,
+        step: Array,
+    ) -> tuple[Array, dict[str, Array]]:
+        """The command that reaches the model, and what is to be remembered.
+
+        Of the inputs at this sample, the command and ``time`` among them; ``first`` says whether
+        it is the first one.
+        """
+        value, after = signals[self.channel], {}
+        for placed in effects:
+            effect, name = _itself(placed), placed.name
+            if isinstance(effect, CommandDelay):
+                value, after[name] = _delayed(kept[name], value, first, effect.delay / step)
+            elif isinstance(effect, CommandRateLimit):
+                last, reach = kept[name], effect.rate * step
+                value = jnp.where(first, value, jnp.clip(value, last - reach, last + reach))
+                after[name] = value
+            else:
+                arriving = Signals({**signals, self.channel: value})
+                value = Ports((placed,), arriving)(self.channel, value)
+        return value, after
+
+
+def _itself(effect: Effect) -> Effect:
+    """The effect that acts on the thruster of a craft."""
+    return effect.inner if isinstance(effect, Placed) else effect

@@ -1,14 +1,14 @@
-"""What the records of closed loops have in common: signals by name, stretches, and running away."""
+"""What closed loops have in common: checks of what is given, signals by name, and running away."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.validation import check_known, finite
+from diffthrust._support.validation import check_known, finite, whole_number
 from diffthrust.logs._log import Log
 
 RUN_AWAY = 1e9
@@ -16,17 +16,11 @@ RUN_AWAY = 1e9
 
 
 class RunSignals:
-    """Signals by name over the samples of a run.
+    """Signals by name over the samples of a run."""
 
-    Args:
-        time: [s], ``(n,)``.
-        signals: ``(n,)`` each.
-        diverged: the time [s] at which it ran away, or ``None``.
-    """
-
-    time: np.ndarray
-    signals: Mapping[str, np.ndarray]
-    diverged: float | None
+    time: np.ndarray  # [s], (n,)
+    signals: Mapping[str, np.ndarray]  # (n,) each
+    diverged: float | None  # when it ran away [s]
 
     def __getitem__(self, name: str) -> np.ndarray:
         check_known(name, self.signals, "The run has no signal")
@@ -100,3 +94,34 @@ def bounded(
     for array in (time, *kept.values()):
         array.flags.writeable = False
     return time, kept, diverged
+
+
+def check_noise(who: str, noise: Any, channels: Collection[str]) -> None:
+    """Raise `InputError` for standard deviations that cannot be meant."""
+    example = f'{{"{next(iter(channels))}": 0.3}}'
+    for name, level in mapping(f"{who}, noise", noise, example, channels).items():
+        finite(f"{who}, noise of '{name}'", level, lambda x: x >= 0, "zero or more")
+
+
+def mapping(
+    what: str,
+    values: Any,
+    example: str,
+    names: Collection[str] | None = None,
+    kind: str = "channel",
+) -> Mapping[str, Any]:
+    """What was given by the names of channels, or of another kind."""
+    if not isinstance(values, Mapping):
+        raise InputError(
+            f"{what}: expected a dictionary by the names of {kind}s, found {values!r}.",
+            f"Write {example}.",
+        )
+    for name in values:
+        if names is not None:
+            check_known(name, names, f"{what}: there is no {kind}", present="there are")
+    return values
+
+
+def seeded(seed: Any) -> np.random.Generator:
+    """The generator of the measurement noise."""
+    return np.random.default_rng(whole_number("seed", seed, 0, mend="Write seed=0."))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,21 +16,24 @@ from jaxtyping import Array
 
 from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.names import listing
 from diffthrust._support.validation import finite
-from diffthrust.control._base import check_noise, mapping, seeded
 from diffthrust.control._mpc import MPC
 from diffthrust.control._one_sample import State, begin, check_vessel, one_sample
-from diffthrust.control._recorded import RUN_AWAY, RunSignals, bounded
+from diffthrust.control._recorded import (
+    RUN_AWAY,
+    RunSignals,
+    bounded,
+    check_noise,
+    mapping,
+    seeded,
+)
 from diffthrust.control._reference import Path, Reference, wanted_at
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import Signals
 from diffthrust.simulation._trajectory import Key, arriving, checked_initial, read_out
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class PathError(NamedTuple):

@@ -3,11 +3,11 @@ from ._classical import DeadZone as DeadZone
 from ._classical import Relay as Relay
 from ._classical import Saturation as Saturation
 from ._classical import StaticNonlinearity as StaticNonlinearity
+from ._element import LimitCycle as LimitCycle
 from ._element import Nonlinearity as Nonlinearity
 from ._find import limit_cycles as limit_cycles
 from ._find import plot_pole_motion as plot_pole_motion
 from ._model_element import ModelElement as ModelElement
-from ._oscillation import LimitCycle as LimitCycle
 from ._result import LimitCycles as LimitCycles
 from ._thruster_loop import ThrusterLoop as ThrusterLoop
 from ._thruster_loop import thruster_loop_cycle as thruster_loop_cycle

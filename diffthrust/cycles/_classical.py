@@ -222,23 +222,14 @@ class Backlash(Static):
         return np.where(a > self.gap, real - 1j * lag, 0.0)
 
     def over(self, e: np.ndarray) -> np.ndarray:
-        """The output over a settled period, piece by piece between the turns of the input."""
+        """The output over a settled period."""
         # at its highest input the play is taken up whatever came before: memory starts right
         start = int(np.argmax(e))
-        twice = np.concatenate([e[start:], e, e[: start + 1]])
-        # a turn ends the piece that it belongs to: there the output has moved farthest
-        turns = np.flatnonzero(np.diff(np.sign(np.diff(twice)))) + 2
-        out = np.empty_like(twice)
-        held = twice[0] - self.gap
-        for first, last in zip([0, *turns], [*turns, twice.size], strict=True):
-            piece = twice[first:last]
-            rising = piece[-1] > twice[max(first - 1, 0)]
-            out[first:last] = (
-                np.maximum(held, piece - self.gap) if rising else np.minimum(held, piece + self.gap)
-            )
-            held = out[last - 1]
-        shifted = out[e.size : 2 * e.size]
-        return self.slope * np.roll(shifted, start)
+        held, out = float(e[start]) - self.gap, []
+        for x in np.roll(e, -start).tolist():
+            held = max(x - self.gap, min(x + self.gap, held))
+            out.append(held)
+        return self.slope * np.roll(out, start)
 
     def rest(self, e: float) -> float:
         """The present output."""

@@ -12,8 +12,7 @@ import numpy as np
 
 from diffthrust._support.errors import InputError
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._oscillation import LimitCycle
+from diffthrust.cycles._element import LimitCycle, Nonlinearity
 
 # two solutions closer than this in the logarithms are one; the stencil of the central differences
 # is as wide, where truncation (1e-8) and rounding balance

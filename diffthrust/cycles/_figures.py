@@ -14,8 +14,7 @@ from diffthrust._support.envelope import stretches
 from diffthrust._support.figures import BLUE, GREY, VERMILLION, literal, styled
 from diffthrust._support.transfer import Transfer
 from diffthrust.cycles._crossings import axis_crossings, pole_path
-from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
+from diffthrust.cycles._element import LimitCycle, LoopCourse, Nonlinearity
 
 _MARKS = {"stable": ("o", "black"), "unstable": ("o", "white"), "undecided": ("D", "0.7")}
 _AMPLITUDES = 64

@@ -9,32 +9,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust._support.validation import finite_row, whole_number
 from diffthrust.cycles._classical import StaticNonlinearity
 from diffthrust.cycles._crossings import crossings, grid_of, loop_poles
-from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._model_element import ModelElement
-from diffthrust.cycles._oscillation import (
+from diffthrust.cycles._element import (
     CycleSeries,
     LimitCycle,
     LoopCourse,
+    Nonlinearity,
+    NotSimulated,
     Oscillation,
-    envelope,
-    measured,
 )
+from diffthrust.cycles._model_element import ModelElement
 from diffthrust.cycles._result import LimitCycles
 from diffthrust.models._base.model import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # few lengths, so that few programs are compiled: the number of steps is part of the program
 _LENGTHS = (16, 32, 64, 128, 256)
@@ -270,3 +266,38 @@ def _fate(run: LoopCourse, cycle: Oscillation, periods: int) -> tuple[float, str
     if abs(height[-1] / height[-3] - 1.0) < 1e-3:
         return end, f"goes to a peak of {height[-1]:.4g}"
     return end, f"has a peak of {height[-1]:.4g} after {periods} periods"
+
+
+def measured(time: np.ndarray, e: np.ndarray, turns: int = 4) -> Oscillation | None:
+    """The last turns of an evenly spaced course in numbers; ``None`` where it does not swing."""
+    starts = upward(time, e)
+    if starts.size < 2:
+        return None
+    first, last = starts[max(0, starts.size - 1 - turns)], starts[-1]
+    count = min(turns, starts.size - 1)
+    frequency = 2.0 * math.pi * count / (last - first)
+    inside = (time >= first) & (time <= last)
+    # whole turns on an even grid: the sum then is the Fourier integral without leakage
+    fine = np.linspace(first, last, 256 * count, endpoint=False)
+    values = np.interp(fine, time, e)
+    mean = float(values.mean())
+    fundamental = 2.0 * abs(np.mean((values - mean) * np.exp(-1j * frequency * fine)))
+    return Oscillation(float(fundamental), 0.5 * float(np.ptp(e[inside])), float(frequency), mean)
+
+
+def upward(time: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Instants [s] at which the course rises through the middle of its last part."""
+    late = e[e.size // 2 :]
+    # not zero: a course with an offset may never cross it
+    level = 0.5 * (late.max() + late.min())
+    rises = np.flatnonzero((e[:-1] < level) & (e[1:] >= level))
+    share = (level - e[rises]) / (e[rises + 1] - e[rises])
+    return time[rises] + share * (time[rises + 1] - time[rises])
+
+
+def envelope(time: np.ndarray, e: np.ndarray, period: float) -> np.ndarray:
+    """Half the height of the course in each stretch of one period [s], ``(periods,)``."""
+    width = max(2, round(period / (time[1] - time[0])))
+    count = e.size // width
+    pieces = e[: count * width].reshape(count, width)
+    return 0.5 * np.ptp(pieces, axis=1)

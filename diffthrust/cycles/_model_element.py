@@ -21,8 +21,14 @@ from diffthrust._support._running.programs import program
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._oscillation import BEYOND, STEPS_A_PERIOD, CycleSeries, LoopCourse
+from diffthrust.cycles._element import (
+    BEYOND,
+    STEPS_A_PERIOD,
+    CycleSeries,
+    LoopCourse,
+    Nonlinearity,
+    NotSimulated,
+)
 from diffthrust.describing._periodic.harmonic_balance import HarmonicBalance
 from diffthrust.describing._periodic.period import Cycle, Lane
 from diffthrust.describing._periodic.respond import Reason, respond, some

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity
-from diffthrust.cycles._oscillation import LimitCycle
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from diffthrust.cycles._element import LimitCycle, Nonlinearity
 
 
 @dataclass(frozen=True, repr=False)

@@ -24,8 +24,14 @@ from numpy.typing import ArrayLike
 from scipy.optimize import root
 
 from diffthrust._support.transfer import Transfer
-from diffthrust.cycles._element import Nonlinearity, NotSimulated
-from diffthrust.cycles._oscillation import BEYOND, STEPS_A_PERIOD, CycleSeries, LoopCourse
+from diffthrust.cycles._element import (
+    BEYOND,
+    STEPS_A_PERIOD,
+    CycleSeries,
+    LoopCourse,
+    Nonlinearity,
+    NotSimulated,
+)
 
 _GAUSS = np.polynomial.legendre.leggauss(64)
 _NUDGE = 1e-9
@@ -262,8 +268,6 @@ def _zeros(
     i = np.flatnonzero(values[:-1] * values[1:] < 0)
     left, right, f, g = grid[i], grid[i + 1], values[i], values[i + 1]
     for _ in range(8):
-        if not i.size:
-            break
         # regula falsi alone keeps one end for ever on a bent curve; halving its value (Illinois)
         # makes it superlinear: Dowell & Jarratt 1971
         middle = right - g * (right - left) / np.where(g == f, 1.0, g - f)

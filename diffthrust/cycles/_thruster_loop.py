@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,20 +13,16 @@ from jaxtyping import Array
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Result
-from diffthrust.cycles._element import positive
+from diffthrust.cycles._element import LimitCycle, LoopCourse, positive
 from diffthrust.cycles._find import limit_cycles
 from diffthrust.cycles._model_element import ModelElement, checked_model
-from diffthrust.cycles._oscillation import LimitCycle, LoopCourse
 from diffthrust.cycles._result import LimitCycles
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.quadratic_load import SQUARED_SINE, QuadraticLoad
 from diffthrust.models._base.signals import Relaxing
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PAPER = {"simulated": 15.6, "predicted": 15.7}
 """Amplitude of the command [N] in Yoerger et al. 1990, section IV and figure 14."""

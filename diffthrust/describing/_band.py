@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
 
 import numpy as np
 
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.files import plain
-from diffthrust._support.report import Report
+from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
+from diffthrust._support.words import percent
 from diffthrust.describing._describe import notes_of, values_of
 from diffthrust.describing._periodic.respond import Reason
 from diffthrust.describing._request import request
-from diffthrust.describing._tables import band_report
-from diffthrust.describing._values import BandValues, followed_phase
+from diffthrust.describing._values import ROWS, BandValues, followed_phase
 from diffthrust.uncertainty._prediction.draws import draws_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from diffthrust.uncertainty._tables import evenly, interval_text
 
 
 class DescribingBand(Result, BandValues):
@@ -46,7 +45,34 @@ class DescribingBand(Result, BandValues):
         return f"{self.model}, {self.input} to {self.output}: {size}, {self.draws.shape[0]} draws"
 
     def _report(self) -> Report:
-        return band_report(self)
+        """Gain and phase with their intervals, at some of the points."""
+        result = self.shown
+        share = percent(result.level)
+        headings = (
+            f"Amplitude [{result.input_unit}]",
+            "Frequency [rad/s]",
+            f"Gain [{result.gain_unit}]",
+            f"{share} from",
+            "to",
+            "Phase [deg]",
+            f"{share} from",
+            "to",
+        )
+        rows = []
+        shown = (evenly(n, ROWS)[:: 2 if n > 4 else 1] for n in result.settled.shape)
+        for i, j in product(*shown):
+            gain = interval_text(*(float(v) for v in result.gain[:, i, j]))
+            phase = interval_text(*(float(v) for v in result.phase[:, i, j]))
+            point = f"{result.amplitudes[i]:.4g}", f"{result.frequencies[j]:.4g}"
+            rows.append((*point, *gain, *phase))
+        head = (
+            f"From {result.input} to {result.output}, by {result.method.replace('_', ' ')}: "
+            f"{result.draws.shape[0]} draws from the {result.kind}."
+        )
+        return Report(
+            Section("", Styled(result.model, "strong"), head),
+            Section("", Rows.of(headings, rows, numbers=range(8)), *notes(result.notes)),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The intervals as plain data, ``null`` where there is none."""
@@ -83,17 +109,10 @@ def uncertainty(
     *,
     amplitudes: Sequence[float] | np.ndarray,
     frequencies: Sequence[float] | np.ndarray,
-    input: str = "command",
-    output: str = "thrust",
-    method: str = "simulation",
-    harmonics: int = 15,
-    samples: int | None = None,
-    bias: float = 0.0,
-    others: Mapping[str, float] | None = None,
-    sensors: bool = False,
     draws: int = 100,
     level: float = 0.95,
     seed: int = 0,
+    **options: Any,
 ) -> DescribingBand:
     """The describing function with intervals, by draws of the parameters.
 
@@ -102,17 +121,10 @@ def uncertainty(
         model: the model or the fit that was sampled; not needed where the source is a fit.
         amplitudes: of the input, in its unit, ``(A,)``.
         frequencies: [rad/s], ``(F,)``.
-        input: as for `describing_function`, and so are all up to ``sensors``.
-        output: see there.
-        method: see there.
-        harmonics: see there.
-        samples: see there.
-        bias: see there.
-        others: see there.
-        sensors: see there.
         draws: number of draws; with 100 the ends of a 95 % interval lie at 2.5 % +- 1.6 %.
         level: probability of the intervals.
         seed: of the draws.
+        **options: arguments of `describing_function`: ``input``, ``output``, ``method``, ...
 
     Returns:
         A `DescribingBand`.
@@ -128,10 +140,7 @@ def uncertainty(
         True
     """
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
-    asked = request(
-        drawn.model, amplitudes, frequencies, input=input, output=output, method=method,
-        harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
-    )  # fmt: skip
+    asked = request(drawn.model, amplitudes, frequencies, **options)
     draws_by_name = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
     result = values_of(asked, draws_by_name)
     values, reason = result["complex"], result["reason"]

@@ -9,7 +9,6 @@ import numpy as np
 
 from diffthrust._support.progress import Progress, ProgressOption, progressing, reporter
 from diffthrust._support.words import joined
-from diffthrust.describing._formulas import FORMULAS, quasi_linear
 from diffthrust.describing._map import DescribingMap
 from diffthrust.describing._periodic.harmonic_balance import (
     HarmonicBalance,
@@ -25,9 +24,10 @@ from diffthrust.describing._periodic.respond import (
     respond_with_neighbours,
 )
 from diffthrust.describing._periodic.shooting import Shooting
-from diffthrust.describing._request import MapRequest, request
+from diffthrust.describing._request import FORMULAS, MapRequest, request
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._written import ShownUnits
+from diffthrust.models._base.quadratic_load import QuadraticLoad
 from diffthrust.simulation._linearise import states_behind
 
 
@@ -161,6 +161,37 @@ def values_of(
         "samples": responses.samples.reshape(shape),
         **({} if error is None else {"left_out": error.reshape(shape)}),
     }
+
+
+def quasi_linear(
+    thruster: QuadraticLoad, amplitudes: Any, frequencies: Any, output: str, *, paper: bool
+) -> np.ndarray:
+    """The describing function, complex: from the command to the thrust [N/V] or speed [rad/(s V)].
+
+    With the speed taken as a sinusoid, speed |speed| is replaced by (8 / 3 pi) times its amplitude
+    times the speed; from commanded to delivered thrust the thruster is then a first-order lag. That
+    to the thrust is a lag of static gain ct beta / alpha and of the break frequency
+
+        lambda^2 = (-w^2 + sqrt(w^4 + 4 g (Fc / ct)^2)) / 2
+
+    with Fc = ct (beta / alpha) c and gamma = 8 alpha / (3 pi); for the speed the static gain is
+    beta / lambda. The paper has g = gamma^4, having taken the amplitude of the thrust as ct times
+    the squared amplitude of the speed. With the amplitude of the fundamental of the thrust
+    throughout, g = (gamma alpha)^2. In the numbers of the thruster alpha is the load, beta the
+    drive's gain.
+
+    Source: Yoerger, Cooke & Slotine 1990, section IV, figure 12.
+    """
+    w = np.asarray(frequencies)
+    gamma = np.asarray(thruster.sine_load)
+    weight = gamma**4 if paper else (gamma * thruster.load) ** 2
+    steady = thruster.drive_gain / thruster.load * np.asarray(amplitudes)  # speed |speed| at rest
+    level = 4.0 * weight * steady**2
+    # (-a + sqrt(a^2 + b)) / 2 loses its digits where b is small; this does not
+    lag = np.sqrt(0.5 * level / (w**2 + np.sqrt((w**2) ** 2 + level)))
+    if output == "speed":
+        return np.asarray(thruster.drive_gain) / (lag + 1j * w)
+    return np.asarray(thruster.thrust_per_command) * lag / (lag + 1j * w)
 
 
 def periodic_values(

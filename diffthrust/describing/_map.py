@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.files import plain
-from diffthrust._support.report import Report
+from diffthrust._support.report import Report, Rows, Section, Styled, notes
 from diffthrust._support.results import Result
+from diffthrust._support.words import number
 from diffthrust.describing._periodic.respond import Reason
-from diffthrust.describing._tables import describing_report
-from diffthrust.describing._values import DescribingValues
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from diffthrust.describing._values import ROWS, DescribingValues
+from diffthrust.uncertainty._tables import evenly
 
 
 class DescribingMap(Result, DescribingValues):
@@ -27,52 +23,10 @@ class DescribingMap(Result, DescribingValues):
         >>> result = dft.describing_function(fit, [0.5, 2.0], [0.5, 2.0], method="harmonic_balance")
         >>> result.complex.shape, result.output_unit
         ((2, 2), 'N')
-        >>> abs(result.at(1.0, 1.0)).shape, list(result.to_json())[:3]
-        ((), ['schema', 'model', 'effects'])
+        >>> list(result.to_json())[:3]
+        ['schema', 'model', 'effects']
         >>> figure = result.plot()
     """
-
-    def at(self, amplitude: ArrayLike, frequency: ArrayLike) -> Any:
-        """The describing function between the points of the map, complex.
-
-        Real and imaginary part are interpolated in the logarithms of amplitude and frequency: by
-        monotone cubics, or linearly where the map is small or has points without an answer.
-
-        Args:
-            amplitude: of the input, a number or an array.
-            frequency: [rad/s], of a shape that broadcasts with it.
-
-        Raises:
-            InputError: a point outside the map.
-        """
-        from scipy.interpolate import RegularGridInterpolator
-
-        points = np.broadcast_arrays(np.asarray(amplitude, float), np.asarray(frequency, float))
-        axes, wanted, values = [], [], self.complex
-        kinds = (("amplitude", self.amplitudes, 0), ("frequency", self.frequencies, 1))
-        for (name, grid, axis), asked in zip(kinds, points, strict=True):
-            slack = 1e-9 * grid[-1]
-            if not np.all((asked >= grid[0] - slack) & (asked <= grid[-1] + slack)):
-                raise InputError(
-                    f"The {name} {float(np.ravel(asked)[0]):g} lies outside the map, which goes "
-                    f"from {grid[0]:g} to {grid[-1]:g}.",
-                    "Make a map that covers it.",
-                )
-            if grid.size == 1:
-                # the interpolator needs two points on each axis
-                values = np.repeat(values, 2, axis)
-                grid = grid[0] * np.array([1.0, 2.0])
-            axes.append(np.log(grid))
-            wanted.append(np.clip(np.log(np.clip(asked, grid[0], grid[-1])), *axes[-1][[0, -1]]))
-        # one NaN would spread over every cubic that touches it
-        smooth = min(values.shape) >= 4 and bool(np.all(np.isfinite(values)))
-        how = "pchip" if smooth else "linear"
-        place = np.stack([w.reshape(-1) for w in wanted], axis=1)
-        parts = [
-            RegularGridInterpolator(axes, v, how)(place) for v in (np.real(values), np.imag(values))
-        ]
-        between = (parts[0] + 1j * parts[1]).reshape(points[0].shape)
-        return between if between.ndim else between[()]
 
     def _line(self) -> str:
         size = f"{self.amplitudes.size} amplitudes, {self.frequencies.size} frequencies"
@@ -80,7 +34,54 @@ class DescribingMap(Result, DescribingValues):
         return f"{self.model}, {self.input} to {self.output}: {size}, {settled}"
 
     def _report(self) -> Report:
-        return describing_report(self)
+        """Method, how many points settled, and a row for some of the amplitudes."""
+        result = self.shown
+        count, size = int(result.settled.sum()), result.reason.size
+        method = result.method.replace("_", " ")
+        if result.harmonics is not None:
+            method += f" with {result.harmonics} harmonics"
+        about = f" about {result.bias:g} {result.input_unit}" if result.bias else ""
+        w = result.frequencies
+        middle = w.size // 2
+        headings = (
+            f"Amplitude [{result.input_unit}]",
+            f"Static gain [{result.gain_unit}]",
+            "Bandwidth [rad/s]",
+            f"Gain at {w[middle]:.3g} rad/s",
+            "Phase [deg]",
+            "Break [rad/s]",
+            "Distortion at most",
+        )
+        static, width = result.static_gain, result.bandwidth
+        gain, phase, lag = result.gain, result.phase, result.break_frequency
+        rows = []
+        for i in evenly(result.amplitudes.size, ROWS):
+            worst = "-"
+            if result.distortion is not None and result.settled[i].any():
+                worst = f"{100 * np.nanmax(result.distortion[i]):.1f} %"
+            rows.append(
+                (
+                    f"{result.amplitudes[i]:.4g}",
+                    number(float(static[i])),
+                    number(float(width[i]), 3),
+                    number(float(gain[i, middle])),
+                    "-" if np.isnan(phase[i, middle]) else f"{phase[i, middle]:.2f}",
+                    number(float(lag[i, middle]), 3),
+                    worst,
+                )
+            )
+        return Report(
+            Section(
+                "",
+                Styled(str(result.model), "strong"),
+                f"From {result.input} to {result.output}{about}, by {method}: {size} points, "
+                f"{count} of them settled.",
+                "Break frequency: that of the first-order lag of the same phase, "
+                f"at {w[middle]:.3g} rad/s. "
+                "Bandwidth: where the gain has fallen to 1/sqrt(2) of the static gain.",
+            ),
+            Section("", Rows.of(headings, rows, numbers=range(7)), *notes(result.notes)),
+        )
 
     def to_json(self) -> dict[str, Any]:
         """The map as plain data, ``null`` where there is no answer."""

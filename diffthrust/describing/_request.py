@@ -11,12 +11,13 @@ import numpy as np
 from diffthrust._support.errors import InputError
 from diffthrust._support.names import listing, nearest
 from diffthrust._support.validation import finite, finite_row, whole_number
-from diffthrust.describing._formulas import FORMULAS, check_plain
 from diffthrust.estimation._result import Fit
 from diffthrust.logs._units import CHANNEL_UNITS
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._trajectory import bare
 
+FORMULAS = ("paper", "consistent")
+"""Of the plain thruster, in closed form."""
 _METHODS = ("simulation", "harmonic_balance", *FORMULAS)
 _WHERE = "describing_function"
 
@@ -58,14 +59,14 @@ def request(
     amplitudes: Any,
     frequencies: Any,
     *,
-    input: str,
-    output: str,
-    method: str,
-    harmonics: Any,
-    samples: Any,
-    bias: Any,
-    others: Any,
-    sensors: bool,
+    input: str = "command",
+    output: str = "thrust",
+    method: str = "simulation",
+    harmonics: Any = 15,
+    samples: Any = None,
+    bias: Any = 0.0,
+    others: Any = None,
+    sensors: bool = False,
 ) -> MapRequest:
     """The arguments of `describing_function`, checked."""
     model = model.model if isinstance(model, Fit) else model
@@ -166,3 +167,23 @@ def _constants(
 
 def _number(what: str, value: Any) -> float:
     return finite(f"{_WHERE}: {what}", value, lambda number: True, "a finite number")
+
+
+def check_plain(method: str, model: Model, input: str, output: str, bias: float) -> None:
+    """Raise `InputError` for a model, or a way to look at it, that the formulas do not cover."""
+    beyond: list[str] = []
+    if model.quadratic_load is None:
+        beyond.append(f"the model '{model.name}'")
+    elif model.effects:
+        named = ", ".join(f"'{e.name}'" for e in model.effects)
+        beyond.append(f"the effects {named}")
+    if input != "command" or output not in ("thrust", "speed"):
+        beyond.append(f"the path from {input!r} to {output!r}")
+    if bias != 0:
+        beyond.append(f"a bias of {bias:g}")
+    if beyond:
+        raise InputError(
+            f"describing_function: the formula '{method}' is that of the plain thruster, from "
+            f"'command' to 'thrust' or 'speed' about zero; it does not cover {', '.join(beyond)}.",
+            "Use method='simulation' or method='harmonic_balance'.",
+        )

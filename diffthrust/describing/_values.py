@@ -14,6 +14,8 @@ from diffthrust.describing._periodic.respond import Reason
 from diffthrust.logs._written import ShownUnits, Written
 from diffthrust.models._base.model import Model
 
+ROWS = 8
+"""Most amplitudes, and most frequencies, of a table."""
 _SMALL_PHASE = 30.0
 """Largest phase at the lowest frequency where its gain is taken as the static one [deg]."""
 

@@ -200,7 +200,7 @@ def _weighed(shape: Sequence[Any]) -> Any:
 
 
 # As arrays these two compile faster than as sums of their terms (the fit of a curve by a fifth);
-# exported programs write the terms out (export._operations).
+# exported programs write the terms out (export._trace).
 @jax.jit
 def curve_weights(*coefficients: Signal) -> Signal:
     """The weight of each truncated power in a curve with these coefficients."""

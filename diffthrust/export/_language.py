@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple
 
-from diffthrust.export._operations import MEMORY, Constant, Operation, Operations
+from diffthrust.export._trace import MEMORY, Constant, Operation, Operations
 
 _LONGEST = 56
 """An expression longer than this gets a name of its own, rather than a place in the next."""

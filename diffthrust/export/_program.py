@@ -9,9 +9,8 @@ from collections.abc import Iterable, Mapping
 from textwrap import wrap
 
 from diffthrust.export._language import ATOM, LINE, Language, Term, lines_of
-from diffthrust.export._operations import Operations
 from diffthrust.export._source import ExportSource, filled_in
-from diffthrust.export._trace import traced_model
+from diffthrust.export._trace import Operations, traced_model
 from diffthrust.simulation._integrate import SERIES, TURN
 
 HISTORY = 256

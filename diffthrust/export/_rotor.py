@@ -28,35 +28,23 @@ _PROPORTIONAL = 1e-9
 class Rotor:
     """What simulators know of a thruster.
 
-    Args:
-        dynamics: "yoerger" (rate = beta command - alpha speed |speed|), "bessa" (inertia rate =
-            torque / resistance command - linear speed - quadratic speed |speed|), "first_order"
-            (time_constant rate = gain command - speed), or "zero_order" (the command itself).
-        numbers: its constants by these names.
-        low: lowest command, in the model's unit.
-        high: highest command.
-        unit: of the command.
-        ends: the speeds that the lowest and the highest command lead to [rad/s].
-        coefficients: force over speed |speed|, ahead and astern [N s^2/rad^2].
-        quadratic: whether the force is proportional to it.
-        speeds: at which the force is tabulated [rad/s], ``(n,)``.
-        forces: there [N], ``(n,)``.
-        left_out: effects that have no place.
-        notes: what was neglected of the model itself.
+    Its ``dynamics`` are "yoerger" (rate = beta command - alpha speed |speed|), "bessa" (inertia
+    rate = torque / resistance command - linear speed - quadratic speed |speed|), "first_order"
+    (time_constant rate = gain command - speed), or "zero_order" (the command itself).
     """
 
     dynamics: str
-    numbers: dict[str, float]
-    low: float
-    high: float
-    unit: str
-    ends: tuple[float, float]
-    coefficients: tuple[float, float]
-    quadratic: bool
-    speeds: np.ndarray
-    forces: np.ndarray
-    left_out: tuple[Effect, ...]
-    notes: tuple[str, ...]
+    numbers: dict[str, float]  # its constants by these names
+    low: float  # commands from here, in the model's unit
+    high: float  # to here
+    unit: str  # of the command
+    ends: tuple[float, float]  # the speeds that both lead to [rad/s]
+    coefficients: tuple[float, float]  # force over speed |speed|, ahead and astern [N s^2/rad^2]
+    quadratic: bool  # the force is proportional to it
+    speeds: np.ndarray  # at which the force is tabulated [rad/s], (n,)
+    forces: np.ndarray  # there [N], (n,)
+    left_out: tuple[Effect, ...]  # effects that have no place
+    notes: tuple[str, ...]  # what was neglected of the model itself
 
     @property
     def largest(self) -> float:

@@ -18,33 +18,21 @@ from diffthrust.models._base.model import Model
 
 @dataclass(frozen=True)
 class ExportSource:
-    """What is exported.
+    """What is exported."""
 
-    Args:
-        model: the model with its effects, at the values that go into the file.
-        inputs: the inputs that it reads, name to unit.
-        ranges: the smallest and largest value of each input in the logs, in these units.
-        linear: inputs that run straight from sample to sample; the others are held.
-        substeps: integrator steps per sample.
-        errors: standard errors of the parameters, by full name, where they are known.
-        provenance: sentences on where the values come from, for the head of the file.
-        version: of the library.
-        units: how the logs wrote each channel, where that is known.
-        mounted: where a thruster of a craft stands.
-        strength: force of a thruster of a craft beside that of its model.
-    """
-
-    model: Model
-    inputs: Mapping[str, str]
+    model: Model  # with its effects, at the values that go into the file
+    inputs: Mapping[str, str]  # those that it reads, name to unit
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    linear: tuple[str, ...] = ()
-    substeps: int = 1
+    """The smallest and largest value of each input in the logs, in these units."""
+    linear: tuple[str, ...] = ()  # inputs that run straight from sample to sample; others are held
+    substeps: int = 1  # integrator steps per sample
     errors: Mapping[str, float] = field(default_factory=dict)
-    provenance: tuple[str, ...] = ()
-    version: str = ""
-    units: ShownUnits = field(default_factory=ShownUnits)
-    mounted: Mounted[Model] | None = None
-    strength: float = 1.0
+    """Standard errors of the parameters, by full name, where they are known."""
+    provenance: tuple[str, ...] = ()  # where the values come from, for the head of the file
+    version: str = ""  # of the library
+    units: ShownUnits = field(default_factory=ShownUnits)  # how the logs wrote each channel
+    mounted: Mounted[Model] | None = None  # where a thruster of a craft stands
+    strength: float = 1.0  # force of a thruster of a craft beside that of its model
 
     def stored(self, channel: str, limits: tuple[float, float], unit: str) -> tuple[float, float]:
         """A range that is given as the logs would write it, in ``unit``."""

@@ -37,8 +37,11 @@ def to_table(
     constants, notes = _constants(source, channel)
 
     def force(commands: np.ndarray) -> np.ndarray:
-        inputs = {name: np.full(commands.shape, value) for name, value in constants.items()}
-        return steady_outputs(model, {channel: commands, **inputs}, (OUTPUT,))[0]
+        # the ends go along: at the edges of a dead band forces are small, and settle beside the
+        # largest
+        every = np.append(commands, [low, high])
+        inputs = {name: np.full(every.shape, value) for name, value in constants.items()}
+        return steady_outputs(model, {channel: every, **inputs}, (OUTPUT,))[0][:-2]
 
     def as_written(command: float) -> str:
         shown = float(source.units.values(channel, np.array([command]), unit)[0])

@@ -30,8 +30,8 @@ class FittedLine:
 
     Example:
         >>> line = dft.papers.fit_line([0.0, 1.0, 2.0], [1.0, 3.0, 5.1], "test")
-        >>> round(line.slope, 2), line.quantity("N").unit, line.unexplained < 0.1
-        (2.05, 'N', True)
+        >>> round(line.slope, 2), line.quantity("N").unit
+        (2.05, 'N')
     """
 
     slope: float
@@ -47,12 +47,6 @@ class FittedLine:
     def quantity(self, unit: str) -> Quantity:
         """The slope with its standard error, ``None`` where the points leave none."""
         return Quantity(self.slope, None if np.isnan(self.slope_error) else self.slope_error, unit)
-
-    @property
-    def unexplained(self) -> float:
-        """Root mean square of the residuals over the standard deviation of y."""
-        spread = float(np.std(self.y))
-        return float(np.sqrt(np.mean((self.y - self(self.x)) ** 2))) / spread
 
 
 def numbers(what: str, values: ArrayLike) -> np.ndarray:

@@ -35,8 +35,8 @@ class Steady(Brief):
         >>> part = dft.papers.steady_portions(held, settle=3.0)[0]
         >>> round(part.start, 2), round(part.stop, 2), round(part.mean("speed", "rad/s"), 1)
         (3.0, 5.95, 33.7)
-        >>> part.std_error("speed", "rad/s") < 0.1, abs(part.drift("speed", "rad/s")) < 0.1
-        (True, True)
+        >>> part.std_error("speed", "rad/s") < 0.1
+        True
     """
 
     log: Log = field(repr=False)
@@ -60,26 +60,9 @@ class Steady(Brief):
 
     def std_error(self, channel: str, unit: str) -> float:
         """Standard error of the mean under white noise; NaN where fewer than two were measured."""
-        values = self._measured(channel, unit)[1]
+        values = self.log.values(channel, unit)[self.first : self.end]
+        values = values[np.isfinite(values)]
         return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else math.nan
-
-    def drift(self, channel: str, unit: str) -> float:
-        """What a channel changed by over the portion, by the line through its samples.
-
-        NaN where fewer than three samples were measured.
-        """
-        time, values = self._measured(channel, unit)
-        if values.size < 3:
-            return math.nan
-        slope = np.polyfit(time, values, 1)[0]
-        return float(slope * (self.stop - self.start))
-
-    def _measured(self, channel: str, unit: str) -> tuple[np.ndarray, np.ndarray]:
-        """Time since the start of the portion [s], and values, where there are any."""
-        portion = slice(self.first, self.end)
-        time, values = self.log.time[portion], self.log.values(channel, unit)[portion]
-        finite = np.isfinite(values)
-        return (time - time[0])[finite], values[finite]
 
 
 def steady_portions(

@@ -13,6 +13,7 @@ from diffthrust.models import Vessel
 from diffthrust.models._base.effect import Ports
 from diffthrust.models._base.model import Model
 from diffthrust.models._base.signals import RatesAndOutputs, Signals
+from diffthrust.simulation._trajectory import Key
 
 
 class TabulatedVessel(Model):
@@ -49,7 +50,7 @@ class TabulatedVessel(Model):
 
     speeds: tuple[float, ...]
     table: tuple[tuple[str, tuple[float, ...]], ...]
-    vessel: _Form
+    vessel: Key
 
     def __init__(self, speeds: Sequence[float], vessels: Sequence[Vessel]) -> None:
         at = np.asarray(speeds, float).ravel()
@@ -73,7 +74,7 @@ class TabulatedVessel(Model):
                 (name, tuple(float(v.parameters[name].value) for v in vessels))
                 for name in first.parameters
             ),
-            vessel=_Form(first),
+            vessel=Key(first),
             inputs=first.inputs,
             ports=first.ports,
         )
@@ -83,19 +84,6 @@ class TabulatedVessel(Model):
         """Those of `Vessel`, with the parameters at the present surge."""
         values = {name: _along(s.surge, self.speeds, column) for name, column in self.table}
         return self.vessel.model.bind(values).equations(s, port)
-
-
-class _Form:
-    """A vessel that only gives the form; its values do not count."""
-
-    def __init__(self, model: Vessel) -> None:
-        self.model = model
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Form) and self.model.structure == other.model.structure
-
-    def __hash__(self) -> int:
-        return hash(self.model.structure)
 
 
 def _along(x: Any, knots: tuple[float, ...], values: tuple[float, ...]) -> Any:

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.results import Brief
 from diffthrust._support.transfer import Transfer, transfer_of
 from diffthrust.control import PID, Loop
@@ -29,9 +29,6 @@ from diffthrust.papers._depth_sensor import Calibration as Calibration
 from diffthrust.papers._depth_sensor import Datasheet as Datasheet
 from diffthrust.papers._depth_sensor import calibrate as calibrate
 from diffthrust.papers._line import numbers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = [
     "SUPPLY",

@@ -11,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.results import Brief
 from diffthrust._support.validation import finite
 from diffthrust._support.warned import warn
@@ -26,9 +25,6 @@ from diffthrust.models import Vessel
 from diffthrust.papers._line import Approach, FittedLine, Transient, fit_line, fit_transient
 from diffthrust.papers._steady import Steady, records, steady_portions
 from diffthrust.simulation._runs import simulate
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["Sensitivity", "Sequential", "Transient", "sensitivity", "sequential"]
 

@@ -8,24 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from diffthrust._support.errors import InputError
-from diffthrust._support.figures import showing
+from diffthrust._support.figures import Figure, showing
 from diffthrust._support.results import Brief
-from diffthrust._support.validation import finite
+from diffthrust._support.validation import check_word, finite
 from diffthrust.logs._log import Log
 from diffthrust.models import QuadraticLoad, Thruster
 from diffthrust.papers._line import FittedLine, fit_line, least_squares
 from diffthrust.papers._steady import Steady, steady_portions
 from diffthrust.simulation._runs import simulate
 from diffthrust.uncertainty._prediction.physical import Quantity
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 __all__ = ["DynamicTest", "StaticTest", "dynamic_test", "static_test"]
 
@@ -146,7 +142,7 @@ def static_test(
         >>> round(dft.papers.yoerger.static_test(held, settle=3.0).ct.value, 4)
         0.02
     """
-    _check_direction(direction)
+    check_word("direction", direction, *get_args(CommandDirection))
     portions = steady_portions(logs, settle=settle, least=least, inputs=["command"])
     used = [portion for portion in portions if _in_direction(portion.mean(*_COMMAND), direction)]
     if not used:
@@ -206,7 +202,7 @@ def dynamic_test(
     """
     from scipy.signal import butter, sosfiltfilt  # takes a while
 
-    _check_direction(direction)
+    check_word("direction", direction, *get_args(CommandDirection))
     if not isinstance(log, Log):
         raise InputError(
             f"dynamic_test: expected one Log, found {type(log).__name__}.",
@@ -275,14 +271,6 @@ def _signed_mean(portion: Steady) -> float:
 
 def _in_direction(command: float, direction: str) -> bool:
     return command != 0 and (direction == "both" or (command > 0) == (direction == "forward"))
-
-
-def _check_direction(direction: str) -> None:
-    if direction not in ("forward", "reverse", "both"):
-        raise InputError(
-            f"direction: expected 'forward', 'reverse' or 'both', found {direction!r}.",
-            "Correct it.",
-        )
 
 
 def _check_record(

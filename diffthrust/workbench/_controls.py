@@ -31,14 +31,10 @@ FOUND, CONSTANTS = "Found or added", "Constants that the model holds"
 
 
 class Controls:
-    """The right-hand side of the page.
+    """The right-hand side of the page, in the units of the logs.
 
-    Args:
-        session: what is shown.
-        shown: the units of the logs.
-        on_edit: makes a change of the session.
-        on_slide: is told a parameter and its value, at each move.
-        on_release: is called when the mouse lets a slider go.
+    ``on_slide`` is told a parameter and its value at each move, ``on_release`` that the mouse has
+    let a slider go.
     """
 
     def __init__(

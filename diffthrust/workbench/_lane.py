@@ -24,11 +24,8 @@ class Lane:
     """One thread and one place to wait.
 
     A slider asks faster than a simulation answers: what waits gives way to what is newer, so that
-    the page follows the mouse and never runs behind it.
-
-    Args:
-        deliver: calls a function in the thread of the page.
-        progress: is told the message and the share done, in the thread of the page.
+    the page follows the mouse and never runs behind it. ``deliver`` calls a function in the thread
+    of the page, where progress and answers are told.
     """
 
     def __init__(

@@ -31,12 +31,7 @@ Stretches = Sequence[tuple[float, float]]
 
 
 class Plots(RunPlots):
-    """The plots of the log that is shown, linked in time.
-
-    Args:
-        runs: of all logs: their channels get a plot each.
-        on_select: is told the stretch [s] that was drawn in the plots.
-    """
+    """The plots of the log that is shown, linked in time: one for each channel of all logs."""
 
     def __init__(self, runs: Sequence[Run], on_select: Callable[[float, float], None]) -> None:
         pan, wheel = PanTool(dimensions="width"), WheelZoomTool(dimensions="width")

@@ -41,13 +41,7 @@ _HEIGHT = 186
 
 
 class Results:
-    """Tabs below the plots.
-
-    Args:
-        on_select: is told which samples were selected in the scatter.
-        asking: what asks about a stretch; the answer is below it.
-        others: further tabs by title.
-    """
+    """Tabs below the plots; ``asking`` asks about a stretch, and the answer is below it."""
 
     def __init__(
         self,
@@ -93,7 +87,6 @@ class Results:
             stylesheets=[".bk-headers-wrapper { flex-wrap: wrap; }"],
             **STRETCHED,
         )
-        self.show_stretch(None, "")
         self.show_diagnosis(None)
 
     # -- the staircase ---------------------------------------------------------------------------
@@ -187,11 +180,8 @@ class Results:
 
     # -- what was found --------------------------------------------------------------------------
 
-    def show_stretch(self, diagnosis: Diagnosis | None, where: str) -> None:
+    def show_stretch(self, diagnosis: Diagnosis, where: str) -> None:
         """Rank what a diagnosis of one stretch alone has tried."""
-        if diagnosis is None:
-            self.stretch.text = ""
-            return
         tried = [t for t in diagnosis.ranking if t.stage == 0][:8]
         rows = "".join(
             f'<tr><td class="number">{k}</td><td>{_named(t.effect, diagnosis.added)}</td>'

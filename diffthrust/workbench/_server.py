@@ -34,13 +34,9 @@ _HOUR = 3_600_000
 
 
 class PageServer:
-    """A server with one page, in a thread of its own.
+    """A server with one page, in a thread of its own, in which it is filled and left.
 
-    Args:
-        fill: fills the document of the page, in the server's thread.
-        leave: is called at the end.
-        port: to listen on; 0 for any that is free.
-        patience: milliseconds after which a page that was closed ends the server.
+    It ends ``patience`` milliseconds after the page was closed. Port 0 is any that is free.
     """
 
     address: str  # of the page, with its token

@@ -30,15 +30,7 @@ from diffthrust.workbench._session import Session, Setup, Stretch
 
 
 class Tools:
-    """What saves, and the tabs of a stretch and of clocks.
-
-    Args:
-        session: what is changed.
-        saving: the lane in which files are written.
-        on_edit: makes a change of the session.
-        on_select: selects a stretch of the log that is shown.
-        on_diagnose: diagnoses it alone.
-    """
+    """What saves, and the tabs of a stretch, which is diagnosed alone, and of clocks."""
 
     def __init__(
         self,

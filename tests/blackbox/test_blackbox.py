@@ -14,7 +14,10 @@ import diffthrust as dft
 from diffthrust import InputError, Status
 from diffthrust import blackbox as bb
 from diffthrust.blackbox._prediction_error import Shape, stretches  # private: the gradient alone
-from diffthrust.blackbox._records import sampled_channels  # private: what the gradient takes
+from diffthrust.blackbox._sampled import (
+    System,  # private: what the gradient takes
+    sampled_channels,  # private: what the gradient takes
+)
 from diffthrust.blackbox._search import joint  # private: the gradient alone
 from diffthrust.blackbox._simulation_error import (  # private: the gradient alone
     linearized,
@@ -22,7 +25,6 @@ from diffthrust.blackbox._simulation_error import (  # private: the gradient alo
     squared_error,
     stepped,
 )
-from diffthrust.blackbox._system import System  # private: what the gradient takes
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, 0.5, 0.2]
 UY = {"input": "u", "output": "y"}

@@ -82,6 +82,11 @@ def test_the_table_says_what_a_simulation_settles_at(name):
             assert held(model, command) == pytest.approx(force, abs=3e-3 * span)
 
 
+def test_small_forces_at_the_edge_of_a_dead_band_settle_beside_the_largest():
+    exported = export_model(dft.Thruster() + "command_deadband", "lut", limits=(-2.0, 2.0))
+    assert exported.notes == ("No force from -0.04980 V to 0.04980 V: a dead band.",)
+
+
 def test_dead_bands_jumps_and_saturation_are_told():
     exported = export_model(SEEN["dead band, asymmetry, saturation"], "lut", limits=(-2.0, 2.0))
     assert "No force from -0.2000 V to 0.2000 V: a dead band." in exported.notes

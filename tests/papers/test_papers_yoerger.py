@@ -56,7 +56,7 @@ def test_steady_portions_begin_after_settling_and_leave_out_ramps():
     assert (first.start, first.stop) == pytest.approx((2.0, 10.0), abs=0.11)
     assert (last.start, last.stop) == pytest.approx((22.0, 29.9), abs=0.11)
     assert last.mean("speed", "rad/s") == pytest.approx(6.0)
-    assert abs(last.drift("speed", "rad/s")) < 1e-9
+    assert last.std_error("speed", "rad/s") < 1e-9
     with pytest.raises(InputError, match="held for 25 s"):
         papers.steady_portions(log, settle=25.0)
     with pytest.raises(InputError, match=r"'thruster'.*'command'"):
