@@ -184,13 +184,15 @@ class BlackBox(Result):
             0.05
         """
         try:
-            import control
+            import control as library
         except ImportError:
             raise InputError(
                 "to_control: python-control is not installed.",
                 "Install it: python -m pip install control. BlackBox.transfer() needs no more than "
                 "this library.",
             ) from None
+        # its own types lead Pyright in circles, after which it refuses every np.ix_ of the package
+        control: Any = library
         check_word("to_control, form", form, "transfer", "states")
         s, m = self.plain, len(self.channels.inputs)
         lags = s.lags[:m] or (0,) * m
@@ -205,7 +207,7 @@ class BlackBox(Result):
         )
         late = control.append(*(control.StateSpace(*chain, self.step) for chain in chains))
         prompt = control.StateSpace(s.a, s.b[:, :m], s.c, s.d[:, :m], self.step)
-        return control.ss(control.series(late, prompt), **names)
+        return control.ss(prompt * late, **names)
 
     def _line(self) -> str:
         return f"{self}: {self.status}, {self.samples} samples"
