@@ -15,7 +15,6 @@ from diffthrust._support.lag import lagged
 from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._written import ShownUnits, Size
-from diffthrust.soundness._doubt import Reading
 
 _POINTS = 2048
 """Largest number of points on which relations are examined (means of longer logs)."""
@@ -116,9 +115,9 @@ class Record:
             return speed
         return np.abs(speed) * np.sign(self.values["command"]) if self.has("command") else None
 
-    def under(self, reading: Reading) -> Record:
-        """The record where channels are read so."""
-        sources = dict(reading.sources)
+    def under(self, sources: Mapping[str, tuple[str, float]]) -> Record:
+        """The record where channels are read as the ``sources`` of a `Reading` say."""
+        sources = dict(sources)
         _, clock = sources.pop("time", ("time", 1.0))
         values = {name: factor * self.values[source] for name, (source, factor) in sources.items()}
         return replace(self, step=clock * self.step, values={**self.values, **values})
