@@ -44,7 +44,6 @@ from diffthrust.simulation._runs import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diffthrust._support.tables import Renderable
     from diffthrust.estimation._result import Fit
 
 _TELLING = 50
@@ -88,7 +87,7 @@ class Comparison(Result):
         >>> list(comparison.to_json())[:5]
         ['schema', 'model', 'effects', 'failures', 'errors']
         >>> comparison.plot().savefig("unseen.png")
-        >>> residuals, table = comparison.plot_residuals(), comparison.table("On the unseen run")
+        >>> residuals = comparison.plot_residuals()
     """
 
     model: Model
@@ -271,12 +270,6 @@ class Comparison(Result):
         if self.origin and self.fit and self.fit.origin:
             return (*lines, taken_part(self.fit.origin, self.origin.train))
         return lines
-
-    def table(self, title: str = "") -> Renderable:
-        """The report as a renderable of rich, with a title besides the name of the model."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(comparison_report(self, title))
 
     def _line(self) -> str:
         if self.failures:
