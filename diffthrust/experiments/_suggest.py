@@ -18,7 +18,6 @@ from diffthrust.experiments._request import Request
 from diffthrust.experiments._result import Experiment, Trial
 from diffthrust.experiments._separation import (
     Conditions,
-    Imitation,
     imitated_from_afar,
     outputs_of,
     pairs_of,
@@ -141,7 +140,7 @@ def _search(request: Request, report: Progress) -> Experiment:
         report("seeking the best imitation", 1.0 - 0.3 * 0.7**checked)
         checked += 1
         worth, design = _best(tried)[0]
-        verified = _Verified.of(design, request)
+        verified = _verified(design, request)
         # more starts can only lower a separation: the first design that keeps its rank is the best
         if verified.worth >= worth * (1 - 1e-6):
             report("done", 1.0)
@@ -178,23 +177,21 @@ class _Verified(NamedTuple):
     def worth(self) -> float:
         return self.pairs[self.truth, self.imitator]
 
-    @classmethod
-    def of(cls, design: Design, request: Request) -> _Verified:
-        inputs, rivals, conditions = request.inputs([design]), request.rivals, request.conditions
-        outputs = [outputs_of(rival, conditions, inputs) for rival in rivals]
 
-        def imitation(i: int, j: int) -> Imitation:
-            return imitated_from_afar(rivals[j], conditions, inputs, outputs[i], request.space.seed)
-
-        pairs = {pair: imitation(*pair) for pair in pairs_of(rivals)}
-        worth = {k: float(np.nan_to_num(pair.separation[0])) for k, pair in pairs.items()}
-        truth, imitator = min(worth, key=lambda pair: worth[pair])
-        shown = [
-            pairs[truth, j].outputs if (truth, j) in pairs else output
-            for j, output in enumerate(outputs)
-        ]
-        series = {name: rows[0] for name, rows in inputs.items()}
-        return cls(series, worth, truth, imitator, [rows[0] for rows in shown])
+def _verified(design: Design, request: Request) -> _Verified:
+    inputs, rivals, conditions = request.inputs([design]), request.rivals, request.conditions
+    outputs = [outputs_of(rival, conditions, inputs) for rival in rivals]
+    imitations = {
+        (i, j): imitated_from_afar(rivals[j], conditions, inputs, outputs[i], request.space.seed)
+        for i, j in pairs_of(rivals)
+    }
+    worth = {k: float(np.nan_to_num(each.separation[0])) for k, each in imitations.items()}
+    truth, imitator = min(worth, key=lambda pair: worth[pair])
+    for (i, j), imitation in imitations.items():
+        if i == truth:
+            outputs[j] = imitation.outputs
+    series = {name: rows[0] for name, rows in inputs.items()}
+    return _Verified(series, worth, truth, imitator, [rows[0] for rows in outputs])
 
 
 def _result(

@@ -49,8 +49,7 @@ class Series(NamedTuple):
 
     def shown(self, value: float) -> str:
         """A stored number as text, with the user's unit."""
-        unit = ShownUnits([self.log.written]).unit(self.channel, self.log.units[self.channel])
-        return f"{number(self.written(value), 4)} {unit}".rstrip()
+        return f"{number(self.written(value), 4)} {self.width(0.0).unit}".rstrip()
 
     def width(self, width: float) -> Size:
         """A difference of two stored numbers in the user's unit."""
