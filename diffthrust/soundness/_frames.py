@@ -23,8 +23,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._craft.craft import Craft
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._record import Record, correlation, record
-from diffthrust.soundness._ties import FIRM, LOOSE, OPPOSED
+from diffthrust.soundness._record import FIRM, LOOSE, OPPOSED, Record, correlation, record
 
 _UPRIGHT = 5.0
 """Mean force per mass along z [m/s^2] from which on it is gravity: a vehicle that lies on its side

@@ -18,8 +18,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.simulation._runs import Run
 from diffthrust.soundness._doubt import STEPS, Doubt, clock_line, moment, unit_line
-from diffthrust.soundness._record import Record, correlation, trailing
-from diffthrust.soundness._ties import DRIVE, GEOMETRY, Tie
+from diffthrust.soundness._record import DRIVE, GEOMETRY, Record, Tie, correlation, trailing
 
 _GAP = 20.0
 """Times the median step from which on a step is a gap; of samples at random times one in 1e6 is."""

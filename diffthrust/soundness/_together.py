@@ -28,14 +28,14 @@ from diffthrust.soundness._doubt import (
     unit_factors,
     unit_line,
 )
-from diffthrust.soundness._record import Record
-from diffthrust.soundness._ties import (
+from diffthrust.soundness._record import (
     DRIVE,
     FIRM,
     GEOMETRY,
     LOOSE,
     OPPOSED,
     PHYSICS,
+    Record,
     Tie,
     ties,
 )
