@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import plain
-from diffthrust._support.names import listing
 from diffthrust._support.report import Bullets, Report, Section, Styled, closing_section
 from diffthrust._support.results import Result
 from diffthrust.comparison._agreement import Agreement, agreement, hints, outstanding
@@ -44,7 +42,6 @@ from diffthrust.simulation._runs import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diffthrust._support.tables import Renderable
     from diffthrust.estimation._result import Fit
 
 _TELLING = 50
@@ -88,7 +85,7 @@ class Comparison(Result):
         >>> list(comparison.to_json())[:5]
         ['schema', 'model', 'effects', 'failures', 'errors']
         >>> comparison.plot().savefig("unseen.png")
-        >>> residuals, table = comparison.plot_residuals(), comparison.table("On the unseen run")
+        >>> residuals = comparison.plot_residuals()
     """
 
     model: Model
@@ -204,26 +201,11 @@ class Comparison(Result):
         return are_tables(run.record for run in self.runs)
 
     @showing
-    def plot(self, runs: Sequence[str] | None = None) -> Figure:
-        """Measured and modelled on top, residual below, for each channel.
-
-        Args:
-            runs: names of the runs to show; all by default.
-
-        Raises:
-            InputError: a run that does not exist.
-        """
+    def plot(self) -> Figure:
+        """Measured and modelled on top, residual below, for each channel."""
         from diffthrust.comparison._figures import comparison_figure
 
-        names = [run.name for run in self.runs]
-        unknown = [name for name in runs or () if name not in names]
-        if unknown:
-            raise InputError(
-                f"The comparison has no run {listing(unknown)}; it has {listing(names)}.",
-                "Correct the name.",
-            )
-        shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
-        return comparison_figure(self.model, shown)
+        return comparison_figure(self.model, self.runs)
 
     @showing
     def plot_residuals(self) -> Figure:
@@ -271,12 +253,6 @@ class Comparison(Result):
         if self.origin and self.fit and self.fit.origin:
             return (*lines, taken_part(self.fit.origin, self.origin.train))
         return lines
-
-    def table(self, title: str = "") -> Renderable:
-        """The report as a renderable of rich, with a title besides the name of the model."""
-        from diffthrust._support.tables import renderable
-
-        return renderable(comparison_report(self, title))
 
     def _line(self) -> str:
         if self.failures:

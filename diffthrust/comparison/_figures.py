@@ -184,7 +184,7 @@ def _label(
         top.set_title(words, loc="left", fontsize=9)
     for axes, label in ((top, name), (below, "residual")):
         if first:
-            axes.set_ylabel(_labelled(label, trace.unit), fontsize=9)
+            axes.set_ylabel(labelled(label, trace.unit), fontsize=9)
         unboxed(axes)
     top.tick_params(labelbottom=False)
     if last:
@@ -250,7 +250,7 @@ def _in_time(
     style = "." if is_sparse(residual) else "-"
     axes.plot(*thinned(run.time, residual), style, color=BLUE, linewidth=0.9)
     which = f"{literal(run.name)}{', the worst run' if len(measured) > 1 else ''}"
-    label = _labelled("residual", run.shown_channels[name].unit)
+    label = labelled("residual", run.shown_channels[name].unit)
     styled(axes, f"{name}\n{which}", _horizontal(tabular), label)
 
 
@@ -269,8 +269,8 @@ def _against_signal(
         title = textwrap.fill(regime.sentence, 46)
     kept = np.isfinite(residual)
     axes.plot(across[kept][::stride], residual[kept][::stride], ".", color=BLUE, markersize=2.5)
-    label = _labelled("residual", having[0][0].shown_channels[name].unit)
-    styled(axes, title, _labelled(signal, unit), label)
+    label = labelled("residual", having[0][0].shown_channels[name].unit)
+    styled(axes, title, labelled(signal, unit), label)
 
 
 def _autocorrelation(axes: Axes, tests: ResidualTests) -> None:
@@ -311,7 +311,8 @@ def _shade(axes: Axes, low: float, high: float) -> None:
     axes.axvspan(low, high, color=_SHADE, alpha=0.45, linewidth=0, zorder=0)
 
 
-def _labelled(name: str, unit: str) -> str:
+def labelled(name: str, unit: str) -> str:
+    """A name with its unit, if it has one, as it stands at an axis."""
     return f"{name} [{unit}]" if unit else name
 
 

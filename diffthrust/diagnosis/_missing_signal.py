@@ -11,7 +11,7 @@ error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -43,15 +43,12 @@ _TIME_BLOCKS = 12
 """Numerics: blocks of time in a log for the jackknife: what the mean of a signal leaves lasts, but
 for less than a block."""
 
-ErrorCurve = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Knots, means and standard errors of a mean over a signal."""
-
 
 class Dependence(NamedTuple):
     """The mean of a signal over another: share of its variance, and knots, means and errors."""
 
     share: float
-    curve: ErrorCurve
+    curve: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 NONE = Dependence(0.0, (np.empty(0), np.empty(0), np.empty(0)))
@@ -74,12 +71,6 @@ class LinearErrors:
     correction: np.ndarray
     push: np.ndarray
     direct: np.ndarray
-
-    def over(self, noise: float) -> LinearErrors:
-        """The same errors in units of the noise."""
-        return LinearErrors(
-            self.innovation / noise, self.decay, self.correction / noise, self.push, self.direct
-        )
 
 
 def missing_signals(fitter: CandidateFitter, trial: TrialFit) -> tuple[Missing, ...]:
@@ -139,7 +130,8 @@ def dependence_of(
     """
     rows = np.concatenate([basis.T for basis in series])
     values = np.concatenate(signal)
-    block = np.concatenate([i * _TIME_BLOCKS + _block_of(s.size) for i, s in enumerate(signal)])
+    within = [np.arange(s.size) * _TIME_BLOCKS // s.size for s in signal]
+    block = np.concatenate([i * _TIME_BLOCKS + each for i, each in enumerate(within)])
     finite = np.isfinite(values)
     rows, values, block = rows[finite], values[finite], block[finite]
     if values.size <= knots.size or not np.ptp(values) > 0:
@@ -159,10 +151,6 @@ def dependence_of(
     means, errors = np.where(blind, np.nan, means), np.where(blind, np.nan, errors)
     share = 1.0 - float(np.var(residual) / np.var(values))
     return Dependence(share, (knots, means, errors))
-
-
-def _block_of(samples: int) -> np.ndarray:
-    return np.arange(samples) * _TIME_BLOCKS // samples
 
 
 def _smoothed_runs(
@@ -221,7 +209,10 @@ def smoothed_signals(
     through_state = all(np.all(run.direct == 0) for run in runs)
     lasting_sizes = _LASTING_SIZES if through_state else (0.0,)
     grid = np.array(list(product(_SIGNAL_SIZES / unit, _SIGNAL_MEMORIES, lasting_sizes)))
-    scaled = [run.over(noise) for run in runs]
+    scaled = [
+        replace(run, innovation=run.innovation / noise, correction=run.correction / noise)
+        for run in runs
+    ]
     cost, squares, count = np.zeros(len(grid)), np.zeros(len(grid)), 0
     for run in scaled:
         measured = np.isfinite(run.innovation)

@@ -25,8 +25,8 @@ from diffthrust.simulation._errors import Errors
 from diffthrust.simulation._runs import Run, pooled_errors, runs_over
 from diffthrust.soundness._doubt import Doubt
 from diffthrust.soundness._doubts import doubts as doubts_of
-from diffthrust.soundness._late import late_readings
 from diffthrust.soundness._record import jumps
+from diffthrust.soundness._times import late_readings
 
 _LITTLE = 0.36
 """A channel of whose variance less is explained is not described by the model: an NRMSE of 0.8, a

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -19,7 +18,6 @@ from diffthrust.experiments._request import Request
 from diffthrust.experiments._result import Experiment, Trial
 from diffthrust.experiments._separation import (
     Conditions,
-    Imitation,
     imitated_from_afar,
     outputs_of,
     pairs_of,
@@ -48,7 +46,6 @@ def suggest_experiment(
     held: Mapping[str, float] | None = None,
     rate_limits: Mapping[str, float] | None = None,
     rest: float = 1.0,
-    correlation_time: float | None = None,
     seed: int = 0,
     progress: ProgressOption = None,
 ) -> Experiment:
@@ -76,8 +73,6 @@ def suggest_experiment(
             in ``logs``.
         rate_limits: largest change of an input per second.
         rest: time at zero (or the nearest limit) at the start and the end [s].
-        correlation_time: time after which the noise's correlation has fallen to 1/e [s], if it is
-            not white. It reduces the weight of slow differences, as process noise would.
         seed: of the random sequences; the result is the same for the same arguments.
         progress: True for a bar, or a function of a message and the share done.
 
@@ -102,7 +97,7 @@ def suggest_experiment(
     """
     runs = listed(logs) if logs is not None else ()
     models = asked.models_of(rivals)
-    asked.check_numbers(duration, step, rest, correlation_time, seed)
+    asked.check_numbers(duration, step, rest, seed)
     moved, constant = asked.moved_and_held(models, limits, held, runs)
     rates = asked.checked_rates(rate_limits, moved)
     sigma = asked.noise_levels(rivals, models, noise)
@@ -113,7 +108,6 @@ def suggest_experiment(
         noise=sigma,
         unsigned=frozenset(name for log in runs for name in log.unsigned if name in sigma),
         substeps=asked.enough_substeps(models, space, constant, sigma),
-        correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
     )
     fitted = [rival.written for rival in rivals if isinstance(rival, Fit)]
     request = Request(
@@ -146,7 +140,7 @@ def _search(request: Request, report: Progress) -> Experiment:
         report("seeking the best imitation", 1.0 - 0.3 * 0.7**checked)
         checked += 1
         worth, design = _best(tried)[0]
-        verified = _Verified.of(design, request)
+        verified = _verified(design, request)
         # more starts can only lower a separation: the first design that keeps its rank is the best
         if verified.worth >= worth * (1 - 1e-6):
             report("done", 1.0)
@@ -183,23 +177,21 @@ class _Verified(NamedTuple):
     def worth(self) -> float:
         return self.pairs[self.truth, self.imitator]
 
-    @classmethod
-    def of(cls, design: Design, request: Request) -> _Verified:
-        inputs, rivals, conditions = request.inputs([design]), request.rivals, request.conditions
-        outputs = [outputs_of(rival, conditions, inputs) for rival in rivals]
 
-        def imitation(i: int, j: int) -> Imitation:
-            return imitated_from_afar(rivals[j], conditions, inputs, outputs[i], request.space.seed)
-
-        pairs = {pair: imitation(*pair) for pair in pairs_of(rivals)}
-        worth = {k: float(np.nan_to_num(pair.separation[0])) for k, pair in pairs.items()}
-        truth, imitator = min(worth, key=lambda pair: worth[pair])
-        shown = [
-            pairs[truth, j].outputs if (truth, j) in pairs else output
-            for j, output in enumerate(outputs)
-        ]
-        series = {name: rows[0] for name, rows in inputs.items()}
-        return cls(series, worth, truth, imitator, [rows[0] for rows in shown])
+def _verified(design: Design, request: Request) -> _Verified:
+    inputs, rivals, conditions = request.inputs([design]), request.rivals, request.conditions
+    outputs = [outputs_of(rival, conditions, inputs) for rival in rivals]
+    imitations = {
+        (i, j): imitated_from_afar(rivals[j], conditions, inputs, outputs[i], request.space.seed)
+        for i, j in pairs_of(rivals)
+    }
+    worth = {k: float(np.nan_to_num(each.separation[0])) for k, each in imitations.items()}
+    truth, imitator = min(worth, key=lambda pair: worth[pair])
+    for (i, j), imitation in imitations.items():
+        if i == truth:
+            outputs[j] = imitation.outputs
+    series = {name: rows[0] for name, rows in inputs.items()}
+    return _Verified(series, worth, truth, imitator, [rows[0] for rows in outputs])
 
 
 def _result(

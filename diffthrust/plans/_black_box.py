@@ -12,9 +12,8 @@ from diffthrust._support.transfer import transfer_of
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.plans._checks import checked_limits, settling_time
-from diffthrust.plans._plan import Plan
-from diffthrust.plans._thruster import checked_thruster, thruster_outputs
+from diffthrust.plans._plan import Plan, checked_limits, settling_time
+from diffthrust.plans._thruster import check_thruster, thruster_outputs
 
 _SLOWER, _FASTER = 3.0, 2.0
 """The band reaches below the slowest and above the fastest time constant by these factors."""
@@ -100,7 +99,7 @@ def black_box(
 
 def _of_thruster(model: Model, largest: float) -> tuple[float, float]:
     """Slowest and fastest time constant, from steps to half of the largest command and to all."""
-    checked_thruster("black_box", model)
+    check_thruster("black_box", model)
     times = [settling_time(model, thruster_outputs(model), {"command": share * largest})
              for share in (0.5, 1.0)]  # fmt: skip
     return max(times) / _TO_A_HUNDREDTH, min(times) / _TO_A_HUNDREDTH

@@ -1,12 +1,16 @@
-"""A test plan: inputs over time for each run, as files, and a check of recorded logs."""
+"""A test plan: inputs over time for each run, as files, and a check of recorded logs.
+
+And what its levels follow from: limits, and how long a model takes to settle.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +21,8 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Brief, Result
 from diffthrust.logs._log import Log
+from diffthrust.models._base.model import Model
+from diffthrust.simulation._runs import simulate
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -24,6 +30,11 @@ _PARTS = 8
 """Parts of the band, evenly spaced in the logarithm of frequency."""
 _ENOUGH = 0.1
 """Share of the planned power in a part; a tenth is a third of the amplitude."""
+_LEFT = 0.01
+"""Share of the change within which a signal counts as settled."""
+_SAMPLES = 2000
+MAX_REST = 1e4
+"""Seconds beyond which a model counts as one that never settles."""
 
 
 class Level(NamedTuple):
@@ -139,6 +150,10 @@ class Plan(Brief):
         return sum(run.duration for run in self.runs.values())
 
     @property
+    def _units(self) -> Mapping[str, str]:
+        return next(iter(self.runs.values())).units
+
+    @property
     def levels(self) -> tuple[Level, ...]:
         """The stretches over which inputs are held for longer than the settling time."""
         return tuple(
@@ -213,7 +228,7 @@ class Plan(Brief):
 
     def _held(self, level: Level, logs: Sequence[Log]) -> list[_Held]:
         """The stretches that held a level, the longest first; one of double length counts twice."""
-        units = next(iter(self.runs.values())).units
+        units = self._units
         spans = {n: max(np.ptp(np.concatenate([r.inputs[n] for r in self.runs.values()])), 1e-12)
                  for n in level.inputs}  # fmt: skip
         stays = []
@@ -233,7 +248,7 @@ class Plan(Brief):
         return sorted(stays, key=lambda held: -held.lasted)
 
     def _level(self, level: Level, held: _Held | None, logs: Sequence[Log]) -> Finding:
-        units = next(iter(self.runs.values())).units
+        units = self._units
         planned = (f"{n} = {x:.4g} {units.get(n, '')}".rstrip() for n, x in level.inputs.items())
         good = False
         if held is None or held.lasted == 0.0:
@@ -258,11 +273,11 @@ class _Held(NamedTuple):
 
 def _not_run(level: Level, units: Mapping[str, str], logs: Sequence[Log]) -> str:
     """The words "not run", with the recorded range of an input where the level lies outside it."""
-    for name, wanted in level.inputs.items():
+    for name, wanted in level.inputs.items() if logs else ():
         unit = units.get(name, "")
-        values = [log.values(name, unit) for log in logs]
-        low, high = (end([float(end(v)) for v in values]) for end in (min, max)) if logs else (0, 0)
-        if logs and not low <= wanted <= high:
+        values = np.concatenate([log.values(name, unit) for log in logs])
+        low, high = values.min(), values.max()
+        if not low <= wanted <= high:
             return f"not run: {name} from {low:.3g} to {high:.3g} {unit}".rstrip()
     return "not run"
 
@@ -294,30 +309,17 @@ def _moved(name: str, channel: str, wanted: np.ndarray, unit: str, logs: Sequenc
 def _excites(
     name: str, channel: str, unit: str, run: Log, logs: Sequence[Log], band: tuple[float, float]
 ) -> Finding:
+    """The widest part of a band [Hz] in which a log's input has enough of the planned power."""
     words = f"{channel}, {band[0]:.3g} to {band[1]:.3g} Hz"
-    parts = [p for log in logs if (p := _excited(log, run, channel, unit, band)) is not None]
+    edges = np.geomspace(*band, _PARTS + 1)
+    least = _ENOUGH * _power(run, channel, unit, edges)
+    parts = [part for log in logs for part in stretches(_power(log, channel, unit, edges) >= least)]
     if not parts:
         return Finding(name, words, "not excited", False)
-    low, high = max(parts, key=lambda part: part[1] / part[0])
+    low, high = (float(edges[end]) for end in max(parts, key=np.ptp))
     # A part in a thousand: the ends are computed by powers of a ratio and may be off by rounding.
     covers = low <= 1.001 * band[0] and high >= 0.999 * band[1]
     return Finding(name, words, f"excited from {low:.3g} to {high:.3g} Hz", covers)
-
-
-def _excited(
-    log: Log, plan: Log, channel: str, unit: str, band: tuple[float, float]
-) -> tuple[float, float] | None:
-    """The widest part of a band [Hz] in which a log's input has enough of the planned power.
-
-    ``None`` where no part is excited.
-    """
-    edges = np.geomspace(*band, _PARTS + 1)
-    wanted, recorded = (_power(log_of, channel, unit, edges) for log_of in (plan, log))
-    parts = stretches(recorded >= _ENOUGH * wanted)
-    if not parts.size:
-        return None
-    begin, end = parts[np.argmax(np.ptp(parts, axis=1))]
-    return float(edges[begin]), float(edges[end])
 
 
 def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
@@ -332,3 +334,76 @@ def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
     frequency = np.fft.rfftfreq(held.size, step)
     ends = np.searchsorted(frequency, edges * (1.0 + 1e-9))
     return np.diff(total[ends])
+
+
+# -- limits, and how long a model takes to settle --------------------------------------------------
+
+
+def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float, float]:
+    """Lowest and highest value, or an `InputError`."""
+    with suppress(TypeError, ValueError):
+        low, high = (float(x) for x in limits)
+        if np.isfinite(low) and np.isfinite(high) and low < high:
+            return low, high
+    raise InputError(
+        f"{who}, limits: expected a lowest and a highest {what}, found {limits!r}.",
+        "Write limits=(0, 5), the lower one first.",
+    )
+
+
+def settling_time(model: Model, channels: Sequence[str], inputs: Mapping[str, float]) -> float:
+    """Time from rest until the last of some outputs is within a hundredth of its change [s].
+
+    Args:
+        model: at its present parameters.
+        channels: outputs to look at.
+        inputs: levels that they step to, in the model's units.
+
+    Raises:
+        InputError: the model does not settle within 10 000 s.
+
+    Example:
+        >>> round(dft.plans.settling_time(dft.Thruster(), ["speed"], {"command": 2.0}), 1)
+        1.5
+    """
+    units = {name: {**model.inputs, **model.optional_inputs}[name] for name in inputs}
+
+    def simulated(span: float) -> tuple[np.ndarray, ...]:
+        time = np.linspace(0.0, span, _SAMPLES)
+        rows = {name: np.full(time.size, level) for name, level in inputs.items()}
+        outputs = simulate(model, Log(time, rows, units=units))
+        return time, *(outputs[name] for name in channels)
+
+    rested = time_to_rest(simulated, 20.0)
+    if rested is None:
+        raise InputError(
+            f"{model}: {', '.join(channels)} do not come to rest within {MAX_REST:g} s after a "
+            f"step to {dict(inputs)}.",
+            "Look at the parameters, or give settle.",
+        )
+    return rested[0]
+
+
+def time_to_rest(
+    simulated: Callable[[float], tuple[np.ndarray, ...]], span: float
+) -> tuple[float, list[float]] | None:
+    """Settling time, and last value of each series that a simulation over a span gives with time.
+
+    The span is doubled until all have settled in its first half: the last value, from which the
+    distance counts, is then the steady one.
+    """
+    while span <= MAX_REST:
+        time, *series = simulated(span)
+        settling = max(_settled(time, values) for values in series)
+        if settling < 0.5 * span:
+            return settling, [float(values[-1]) for values in series]
+        span *= 2.0
+    return None
+
+
+def _settled(time: np.ndarray, values: np.ndarray) -> float:
+    """Time from which values stay within a hundredth of their change about the last value [s]."""
+    change = np.abs(values - values[-1])
+    allowed = _LEFT * max(float(np.max(np.abs(values - values[0]))), 1e-12)
+    beyond = np.flatnonzero(change > allowed)
+    return float(time[beyond[-1] + 1]) if beyond.size and beyond[-1] + 1 < time.size else 0.0

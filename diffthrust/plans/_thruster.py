@@ -16,8 +16,13 @@ from diffthrust.models import DCMotorThruster
 from diffthrust.models._base.model import Model
 from diffthrust.papers._commands import lowpass_noise, staircase
 from diffthrust.papers.aras import steady_map as aras_map
-from diffthrust.plans._checks import MAX_REST, checked_limits, settling_time, time_to_rest
-from diffthrust.plans._plan import Plan
+from diffthrust.plans._plan import (
+    MAX_REST,
+    Plan,
+    checked_limits,
+    settling_time,
+    time_to_rest,
+)
 
 _OUTPUTS = ("speed", "thrust")
 _SOURCE = "Yoerger, Cooke & Slotine 1990, section III"
@@ -57,7 +62,7 @@ def static_test(
         >>> len(plan.levels)
         18
     """
-    checked_thruster("static_test", model)
+    check_thruster("static_test", model)
     ends, count = _sides("static_test", limits, levels, 2, hold)
     return _held("static_test", _SOURCE, model, _steps(ends, count), hold, step, settle)
 
@@ -92,7 +97,7 @@ def dynamic_test(
         >>> [path.name for path in plan.save("plans")]
         ['dynamic_test.csv']
     """
-    checked_thruster("dynamic_test", model)
+    check_thruster("dynamic_test", model)
     low, high = checked_limits("dynamic_test", limits)
     time, noise = lowpass_noise(duration, step, 0.5 * (high - low), cutoff=cutoff, seed=seed)
     return Plan(
@@ -140,7 +145,7 @@ def steady_map(
         >>> len(plan.levels)
         18
     """
-    checked_thruster("steady_map", model)
+    check_thruster("steady_map", model)
     ends, count = _sides("steady_map", limits, levels, 2, hold)
     # Even steps of thrust, not of voltage: thrust grows with the square of the voltage, so even
     # voltages would crowd the points where it is small.
@@ -291,11 +296,10 @@ def planned_run(model: Model, time: np.ndarray, command: np.ndarray) -> Log:
     return Log(time, {"command": command}, units={"command": model.inputs["command"]})
 
 
-def checked_thruster(who: str, model: Any) -> Model:
-    """A thruster, or an `InputError`."""
+def check_thruster(who: str, model: Any) -> None:
+    """Raise `InputError` for what is no thruster."""
     if not isinstance(model, Model) or "command" not in model.inputs:
         raise InputError(
             f"{who}: expected a thruster with the input 'command', found {model!s}.",
             "Give a model such as dft.Thruster().",
         )
-    return model

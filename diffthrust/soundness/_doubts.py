@@ -13,11 +13,10 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.soundness._doubt import DOUBT_KINDS, Doubt, Reading
 from diffthrust.soundness._frames import misframed
-from diffthrust.soundness._record import Record, record, stretch
+from diffthrust.soundness._record import Record, Tie, record, stretch, ties
 from diffthrust.soundness._repeats import repeating
 from diffthrust.soundness._sizes import misloaded, misshaped, missized
 from diffthrust.soundness._spikes import jumping
-from diffthrust.soundness._ties import Tie, ties
 from diffthrust.soundness._times import lagging, misclocked, misrated
 from diffthrust.soundness._together import contradicts, misplaced, unlike
 

@@ -12,7 +12,7 @@ says nothing of the axes of its sway.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from typing import NamedTuple
 
@@ -23,8 +23,7 @@ from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
 from diffthrust.models._craft.craft import Craft
 from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._record import Record, correlation, record
-from diffthrust.soundness._ties import FIRM, LOOSE, OPPOSED
+from diffthrust.soundness._record import FIRM, LOOSE, OPPOSED, Record, correlation, record
 
 _UPRIGHT = 5.0
 """Mean force per mass along z [m/s^2] from which on it is gravity: a vehicle that lies on its side
@@ -118,19 +117,17 @@ _Pairs = Iterator[tuple[str, str, np.ndarray, np.ndarray]]
 """A channel, what it must follow in words, and both."""
 
 
-def _level(r: Record) -> np.ndarray:
-    """What stands for an angle or a speed that is not measured."""
-    return np.zeros(r.size - 2 * r.half)
+def _or_level(r: Record, take: Callable[[str], np.ndarray], *names: str) -> list[np.ndarray]:
+    """Means or rates of angles and speeds, zero of those that are not measured."""
+    return [take(n) if n in r.values else np.zeros(r.size - 2 * r.half) for n in names]
 
 
 def _turning(r: Record) -> _Pairs:
     """Rates of turn beside the rates of the angles; Fossen 2021, equation 2.39."""
     if "heading" not in r.values:
         return
-    roll, pitch = (r.mean(n) if n in r.values else _level(r) for n in ("roll", "pitch"))
-    rolling, pitching, yawing = (
-        r.rate(n) if n in r.values else _level(r) for n in ("roll", "pitch", "heading")
-    )
+    roll, pitch = _or_level(r, r.mean, "roll", "pitch")
+    rolling, pitching, yawing = _or_level(r, r.rate, "roll", "pitch", "heading")
     due = (
         rolling - yawing * np.sin(pitch),
         pitching * np.cos(roll) + yawing * np.cos(pitch) * np.sin(roll),
@@ -148,9 +145,7 @@ def _moving(r: Record) -> _Pairs:
             if channel in r.values:
                 yield channel, "the track, turned by the heading", r.mean(channel), due
     if {"depth", "heave"} <= {*r.values}:
-        roll, pitch, surge, sway = (
-            r.mean(n) if n in r.values else _level(r) for n in ("roll", "pitch", "surge", "sway")
-        )
+        roll, pitch, surge, sway = _or_level(r, r.mean, "roll", "pitch", "surge", "sway")
         down = r.mean("heave") * np.cos(pitch) * np.cos(roll)
         down = down + sway * np.cos(pitch) * np.sin(roll) - surge * np.sin(pitch)
         yield "heave", "the rate of the depth", down, r.rate("depth")

@@ -18,8 +18,13 @@ from diffthrust._support.words import number
 from diffthrust.logs._log import Log
 from diffthrust.logs._units import convert
 from diffthrust.models._base.quadratic_load import QuadraticLoad
-from diffthrust.soundness._doubt import Doubt
-from diffthrust.soundness._mends import exchange_line, unit_doubt, unit_line, unit_reading
+from diffthrust.soundness._doubt import (
+    Doubt,
+    exchange_line,
+    unit_doubt,
+    unit_line,
+    unit_reading,
+)
 from diffthrust.soundness._record import (
     TURNS,
     Record,
@@ -222,8 +227,10 @@ _NEGATIVE = 0.2
 
 def misshaped(r: Record) -> Iterator[Doubt]:
     """Doubts on speed and thrust, by the law between them and by what has no sign."""
-    for channel in r.unsigned:
-        if channel in r.values and _negative(r.values[channel]):
+    for channel in r.unsigned & {*r.values}:
+        values = r.values[channel]
+        low, most = np.quantile(values, 0.02), np.quantile(np.abs(values), 0.98)
+        if low < -_NEGATIVE * most:
             yield _signed(r, channel)
             return
     speed = r.signed_speed() if r.has("speed", "thrust") else None
@@ -255,8 +262,3 @@ def _signed(r: Record, channel: str) -> Doubt:
         "it is the right column."
     )
     return Doubt(channel, "sign", f"{evidence}.", mend)
-
-
-def _negative(values: np.ndarray) -> bool:
-    low = np.quantile(values, 0.02)
-    return bool(low < -_NEGATIVE * np.quantile(np.abs(values), 0.98))

@@ -15,10 +15,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from diffthrust._support.words import number
-from diffthrust.soundness._doubt import Doubt, Reading
-from diffthrust.soundness._mends import (
+from diffthrust.soundness._doubt import (
     STEPS,
     UNITS,
+    Doubt,
+    Reading,
     clocks,
     exchanges,
     rescaled,
@@ -27,14 +28,14 @@ from diffthrust.soundness._mends import (
     unit_factors,
     unit_line,
 )
-from diffthrust.soundness._record import Record
-from diffthrust.soundness._ties import (
+from diffthrust.soundness._record import (
     DRIVE,
     FIRM,
     GEOMETRY,
     LOOSE,
     OPPOSED,
     PHYSICS,
+    Record,
     Tie,
     ties,
 )
@@ -60,7 +61,7 @@ def misplaced(r: Record, tied: Sequence[Tie]) -> Iterator[Doubt]:
     for kind, reading in (*timed, *signs(r), *exchanges(r), *rescaled(r)):
         if not concerned & set(reading.sources):
             continue
-        after = {tie.key: tie for tie in ties(r.under(reading))}
+        after = {tie.key: tie for tie in ties(r.under(reading.sources))}
         mended = [tie for tie in broken if _holds(after.get(tie.key))]
         if kind == "unit" and all(tie.kind == DRIVE for tie in mended):
             continue  # a drive tells the direction only
@@ -88,7 +89,7 @@ def contradicts(r: Record, tied: Sequence[Tie], reading: Reading) -> bool:
     """Whether a log speaks against a reading that other logs ask for: what holds in it breaks."""
     if not {source for source, _ in reading.sources.values()} <= set(r.values):
         return True  # the time, or a channel it lacks
-    after = {tie.key: tie for tie in ties(r.under(reading))}
+    after = {tie.key: tie for tie in ties(r.under(reading.sources))}
     return any(_holds(tie) and _worse(tie, after.get(tie.key)) for tie in tied)
 
 

@@ -250,7 +250,7 @@ def test_a_fit_that_ended_badly_accuses_no_log():
     bad = replace(good, model=good.model.replace(alpha=3 * thruster.JASON["alpha"]))
     for fit, expected in ((good, (odd,)), (bad, ())):
         context = SimpleNamespace(
-            fitter=SimpleNamespace(records=bind(model, logs)), unseen=(), say=lambda *_: None,
+            records=bind(model, logs), unseen=(), say=lambda *_: None,
             refit=lambda *_, fit=fit, **__: (fit, dft.compare(fit, kept).runs, ()),
         )  # fmt: skip
         assert upheld(context, last, (odd,))[0] == expected

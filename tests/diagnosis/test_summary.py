@@ -393,12 +393,12 @@ def test_logs_that_nobody_looked_at_are_not_called_sound():
         assert "sound" not in change(diag).summary
 
 
+def errors(**sizes):
+    return SimpleNamespace(channels={n: SimpleNamespace(nrmse=s) for n, s in sizes.items()})
+
+
 def test_a_channel_that_nothing_explains_is_not_the_one_that_is_told():
     """Of a BlueBoat the sway was, which a constant follows better."""
-
-    def errors(**sizes):
-        return SimpleNamespace(channels={n: SimpleNamespace(nrmse=s) for n, s in sizes.items()})
-
     before, after = errors(sway=1.8, yaw_rate=0.64), errors(sway=1.2, yaw_rate=0.42)
     assert channel_that_counts(before, after) == "yaw_rate"
     assert channel_that_counts(errors(sway=1.8), errors(sway=1.2)) == "sway"
@@ -419,13 +419,9 @@ def test_a_channel_that_nothing_explains_is_not_the_one_that_is_told():
 )
 def test_a_rise_counts_beside_what_falls(after, rises):
     """An Otter's surge, yaw rate and heading err by these of their spreads."""
-
-    def errors(sizes):
-        return SimpleNamespace(channels={n: SimpleNamespace(nrmse=s) for n, s in sizes.items()})
-
     before = {"surge": 1.16, "yaw_rate": 0.77, "heading": 1.1}
     before = {name: before[name] for name in after}
-    assert raised_channel(errors(before), errors(after)) == rises
+    assert raised_channel(errors(**before), errors(**after)) == rises
 
 
 def test_what_is_left_of_an_error_that_is_told_has_its_size_there():
@@ -597,9 +593,9 @@ def test_a_curve_has_a_size_where_no_parameter_of_the_model_takes_it_up(monkeypa
 def test_a_law_is_found_by_a_fit_that_ended_and_follows_a_channel(status, unseen, label):
     """Whatever the model as given did: it may lack what makes it follow."""
     diag = with_law(made.unexplained())
-    errors = diag.stages[-1].fit.holdout
-    blind = {name: replace(e, nrmse=1.4) for name, e in errors.channels.items()}
-    diag = made.with_fit(diag, holdout=replace(errors, channels=blind))
+    last = diag.stages[-1].fit.holdout
+    blind = {name: replace(e, nrmse=1.4) for name, e in last.channels.items()}
+    diag = made.with_fit(diag, holdout=replace(last, channels=blind))
     fit = diag.laws[0].fit
     channels = {n: replace(e, nrmse=unseen) for n, e in fit.holdout.channels.items()}
     fit = replace(fit, status=status, holdout=replace(fit.holdout, channels=channels))

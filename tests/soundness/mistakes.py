@@ -20,6 +20,7 @@ from . import measured
 from .measured import MODELS, changed
 
 Alter = Callable[[dft.Log], dft.Log]
+Sets = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Mistake:
     kind: str
     channels: tuple[str, ...]
     alter: Alter
-    sets: tuple[str, ...]
+    sets: Sets
     companions: bool = False
 
 
@@ -178,83 +179,72 @@ def gapped(log: dft.Log) -> dft.Log:
     )
 
 
+def shifted(log: dft.Log) -> dft.Log:
+    return changed(log, thrust=lambda v: v + 0.7 * np.ptp(v))
+
+
 def noise_only(v: np.ndarray) -> np.ndarray:
     return np.std(v) * np.random.default_rng(3).standard_normal(v.size)
 
 
-TRACK = ("north", "east")
-MOTION = ("surge", "sway", "yaw_rate")
-PI = np.pi
-ALL_SENSORS = tuple(SENSOR.values())
+PI, KGF = np.pi, 9.80665
+
+
+def sign(name: str, channel: str, sets: Sets, *others: str) -> Mistake:
+    return Mistake(name, "sign", (channel, *others), scaled(channel, -1), sets)
+
+
+def swap(one: str, two: str, sets: Sets, name: str = "") -> Mistake:
+    name = name or f"{one} and {two} exchanged"
+    return Mistake(name, "exchanged", (one, two), exchanged(one, two), sets)
+
+
+def unit(name: str, channel: str, factor: float, sets: Sets, column: str = "") -> Mistake:
+    """Numbers of another unit; of a column, whose name may tell that."""
+    alter = scaled(channel, factor)
+    alter = both(alter, named(channel, column)) if column else alter
+    return Mistake(name, "unit", (channel,), alter, sets)
+
+
+def bad(name: str, kind: str, change: Callable[[np.ndarray], np.ndarray]) -> Mistake:
+    """A sensor that reads wrong, whichever stands for its set."""
+    return Mistake(name, kind, tuple(SENSOR.values()), sensor(change), EACH)
+
+
+def of_four(name: str, kind: str, channel: str, alter: Alter) -> Mistake:
+    return Mistake(f"one log of four: {name}", kind, (channel,), alter, T, companions=True)
+
 
 MISTAKES = (
-    Mistake("thrust negated", "sign", ("thrust", "command"), scaled("thrust", -1), T),
-    Mistake("command negated", "sign", ("thrust", "command"), scaled("command", -1), T),
-    Mistake("force of the axis negated", "sign", ("force",), scaled("force", -1), A),
-    Mistake("yaw rate negated", "sign", ("yaw_rate",), scaled("yaw_rate", -1), B),
-    Mistake("heading negated", "sign", ("heading",), scaled("heading", -1), E),
-    Mistake("surge negated", "sign", ("surge",), scaled("surge", -1), B),
-    Mistake("sway negated (port positive)", "sign", ("sway",), scaled("sway", -1), E),
-    Mistake("rudder negated", "sign", ("rudder_angle",), scaled("rudder_angle", -1), E),
-    Mistake("east negated", "sign", ("east",), scaled("east", -1), B),
-    Mistake(
-        "speed and thrust exchanged",
-        "exchanged",
-        ("speed", "thrust"),
-        exchanged("speed", "thrust"),
-        T,
-    ),
-    Mistake(
-        "command and speed exchanged",
-        "exchanged",
-        ("command", "speed"),
-        exchanged("command", "speed"),
-        T,
-    ),
-    Mistake(
-        "left and right exchanged",
-        "exchanged",
-        ("left_force", "right_force"),
-        exchanged("left_force", "right_force"),
-        B,
-    ),
-    Mistake("north and east exchanged", "exchanged", TRACK, exchanged(*TRACK), E),
-    Mistake("surge and sway exchanged", "exchanged", MOTION[:2], exchanged(*MOTION[:2]), E),
-    Mistake(
-        "position and velocity exchanged",
-        "exchanged",
-        ("position", "velocity"),
-        exchanged("position", "velocity"),
-        A,
-    ),
-    Mistake("speed: rpm called rad/s", "unit", ("speed",), scaled("speed", 30 / PI), T),
-    Mistake("speed: Hz called rad/s", "unit", ("speed",), scaled("speed", 0.5 / PI), T),
-    Mistake("thrust: kgf called N", "unit", ("thrust",), scaled("thrust", 1 / 9.80665), T),
-    Mistake(
-        "thrust: kgf called N, the column is called thrust_kgf",
-        "unit",
-        ("thrust",),
-        both(scaled("thrust", 1 / 9.80665), named("thrust", "thrust_kgf")),
-        T,
-    ),
-    Mistake(
-        "speed: rpm called rad/s, the column is called rpm",
-        "unit",
-        ("speed",),
-        both(scaled("speed", 30 / PI), named("speed", "rpm")),
-        T,
-    ),
-    Mistake("yaw rate: deg/s called rad/s", "unit", ("yaw_rate",), scaled("yaw_rate", 180 / PI), E),
-    Mistake("yaw rate: rad/s called deg/s", "unit", ("yaw_rate",), scaled("yaw_rate", PI / 180), B),
-    Mistake("heading: deg called rad", "unit", ("heading",), scaled("heading", 180 / PI), B),
-    Mistake("rudder: deg called rad", "unit", ("rudder_angle",), scaled("rudder_angle", 57.3), E),
-    Mistake(
-        "rudder: rad called deg", "unit", ("rudder_angle",), scaled("rudder_angle", PI / 180), E
-    ),
-    Mistake("surge: knots called m/s", "unit", ("surge",), scaled("surge", 1.943844), B),
-    Mistake("position: mm called m", "unit", ("position",), scaled("position", 1000.0), A),
-    Mistake("command: mV called V", "unit", ("command",), scaled("command", 1000.0), T),
-    Mistake("command: V called mV", "unit", ("command",), scaled("command", 0.001), T),
+    sign("thrust negated", "thrust", T, "command"),
+    sign("command negated", "command", T, "thrust"),
+    sign("force of the axis negated", "force", A),
+    sign("yaw rate negated", "yaw_rate", B),
+    sign("heading negated", "heading", E),
+    sign("surge negated", "surge", B),
+    sign("sway negated (port positive)", "sway", E),
+    sign("rudder negated", "rudder_angle", E),
+    sign("east negated", "east", B),
+    swap("speed", "thrust", T),
+    swap("command", "speed", T),
+    swap("left_force", "right_force", B, "left and right exchanged"),
+    swap("north", "east", E),
+    swap("surge", "sway", E),
+    swap("position", "velocity", A),
+    unit("speed: rpm called rad/s", "speed", 30 / PI, T),
+    unit("speed: Hz called rad/s", "speed", 0.5 / PI, T),
+    unit("thrust: kgf called N", "thrust", 1 / KGF, T),
+    unit("thrust: kgf called N, and thrust_kgf by its column", "thrust", 1 / KGF, T, "thrust_kgf"),
+    unit("speed: rpm called rad/s, and rpm by its column", "speed", 30 / PI, T, "rpm"),
+    unit("yaw rate: deg/s called rad/s", "yaw_rate", 180 / PI, E),
+    unit("yaw rate: rad/s called deg/s", "yaw_rate", PI / 180, B),
+    unit("heading: deg called rad", "heading", 180 / PI, B),
+    unit("rudder: deg called rad", "rudder_angle", 57.3, E),
+    unit("rudder: rad called deg", "rudder_angle", PI / 180, E),
+    unit("surge: knots called m/s", "surge", 1.943844, B),
+    unit("position: mm called m", "position", 1000.0, A),
+    unit("command: mV called V", "command", 1000.0, T),
+    unit("command: V called mV", "command", 0.001, T),
     Mistake("time: ms called s", "time_base", ("time",), clock(1000.0), EACH),
     Mistake("time: s called ms", "time_base", ("time",), clock(0.001), EACH),
     Mistake("time: ms called s, of an axis", "time_base", ("time",), clock(1000.0), A),
@@ -263,49 +253,21 @@ MISTAKES = (
     Mistake("thrust 0.6 s early", "lag", ("speed", "command"), late(-0.6, "thrust"), T),
     Mistake("yaw rate 2.5 s late", "lag", ("yaw_rate",), late(2.5, "yaw_rate"), B),
     Mistake("heading 4 s late", "lag", ("heading",), late(4.0, "heading"), E),
-    Mistake("sensor stuck for a sixth", "stuck", ALL_SENSORS, sensor(stuck), EACH),
-    Mistake("sensor clipped to half its range", "saturated", ALL_SENSORS, sensor(clipped), EACH),
-    Mistake("sensor of 8 steps", "stuck", ALL_SENSORS, sensor(coarse), EACH),
-    Mistake("sensor held for 8 samples", "stuck", ALL_SENSORS, sensor(held), EACH),
-    Mistake("missing written as -999", "sentinel", ALL_SENSORS, sensor(coded(-999.0)), EACH),
-    Mistake("missing written as 0", "sentinel", ALL_SENSORS, sensor(coded(0.0, 0.03)), EACH),
-    Mistake("missing written as 65535", "sentinel", ALL_SENSORS, sensor(coded(65535.0)), EACH),
-    Mistake("outliers, 0.5 %", "outliers", ALL_SENSORS, sensor(spiked), EACH),
+    bad("sensor stuck for a sixth", "stuck", stuck),
+    bad("sensor clipped to half its range", "saturated", clipped),
+    bad("sensor of 8 steps", "stuck", coarse),
+    bad("sensor held for 8 samples", "stuck", held),
+    bad("missing written as -999", "sentinel", coded(-999.0)),
+    bad("missing written as 0", "sentinel", coded(0.0, 0.03)),
+    bad("missing written as 65535", "sentinel", coded(65535.0)),
+    bad("outliers, 0.5 %", "outliers", spiked),
     Mistake("a third of the log lost", "gap", ("time",), gapped, EACH),
-    Mistake("dead sensor, constant", "silent", ALL_SENSORS, sensor(lambda v: 0 * v + 0.1), EACH),
-    Mistake("dead sensor, noise", "silent", ALL_SENSORS, sensor(noise_only), EACH),
-    Mistake(
-        "one log of four: thrust in kgf",
-        "unit",
-        ("thrust",),
-        scaled("thrust", 1 / 9.80665),
-        T,
-        companions=True,
-    ),
-    Mistake(
-        "one log of four: speed in rpm",
-        "unit",
-        ("speed",),
-        scaled("speed", 30 / PI),
-        T,
-        companions=True,
-    ),
-    Mistake(
-        "one log of four: thrust tripled",
-        "odd_log",
-        ("thrust",),
-        scaled("thrust", 3.0),
-        T,
-        companions=True,
-    ),
-    Mistake(
-        "one log of four: tare off by 0.7 of the range",
-        "odd_log",
-        ("thrust",),
-        lambda log: changed(log, thrust=lambda v: v + 0.7 * np.ptp(v)),
-        T,
-        companions=True,
-    ),
+    bad("dead sensor, constant", "silent", lambda v: 0 * v + 0.1),
+    bad("dead sensor, noise", "silent", noise_only),
+    of_four("thrust in kgf", "unit", "thrust", scaled("thrust", 1 / KGF)),
+    of_four("speed in rpm", "unit", "speed", scaled("speed", 30 / PI)),
+    of_four("thrust tripled", "odd_log", "thrust", scaled("thrust", 3.0)),
+    of_four("tare off by 0.7 of the range", "odd_log", "thrust", shifted),
 )
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import diffthrust as dft
-from diffthrust.soundness._late import Readings, lateness  # private: the test's own rates
+from diffthrust.soundness._times import Readings, lateness  # private: the test's own rates
 
 STEP, SAMPLES, SIGMA = 0.1, 1500, 0.1
 TIME = STEP * np.arange(SAMPLES)

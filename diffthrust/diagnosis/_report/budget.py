@@ -55,39 +55,35 @@ def within_budget(parts: Sequence[Part]) -> str:
 
     A part that says more is worded shorter, or left out.
     """
-    parts = [part for part in parts if part]
-    chosen = [0] * len(parts)
+    left = [part for part in parts if part]
 
     def worded() -> str:
-        lines = [_wording(part, at) for part, at in zip(parts, chosen, strict=True)]
+        lines = [_first(part) for part in left]
         return "\n".join([*filter(None, lines), *[_MORE] * (not all(lines))])
 
     # words last: leaving out a part for its figures adds that there is more
     for at, most in ((1, _MOST_FIGURES), (0, _MOST_WORDS)):
         while _sizes(worded())[at] > most:
-            shorter = {k: _shorter(part, chosen[k], at) for k, part in enumerate(parts)}
             # a part that is left out loses all its wordings, not its longest alone
-            lost = {k: parts[k][chosen[k] : then] for k, then in shorter.items() if then}
+            lost = {k: part[:count] for k, part in enumerate(left) if (count := _longer(part, at))}
             least = min(lost, key=lambda k: max(wording.importance for wording in lost[k]))
-            chosen[least] = shorter[least]
+            left[least] = left[least][len(lost[least]) :]
     return worded()
+
+
+def _first(part: Part) -> str:
+    return part[0].text if part else ""
 
 
 def _sizes(text: str) -> tuple[int, int]:
     return words_in(text), figures_in(text)
 
 
-def _wording(part: Part, at: int) -> str:
-    return part[at].text if at < len(part) else ""
-
-
-def _shorter(part: Part, chosen: int, at: int) -> int:
-    """The next wording of fewer words, or of fewer figures, 0 if the part has nothing left."""
-    if chosen == len(part):
-        return 0
-    now = _sizes(_wording(part, chosen))
-    for k in range(chosen + 1, len(part) + 1):
-        then = _sizes(_wording(part, k))
+def _longer(part: Part, at: int) -> int:
+    """How many wordings stand before one of fewer words, or of fewer figures; 0 if none is left."""
+    now = _sizes(_first(part))
+    for count in range(1, len(part) + 1):
+        then = _sizes(_first(part[count:]))
         if then[at] < now[at] and then[1 - at] <= now[1 - at]:
-            return k
+            return count
     return 0

@@ -284,10 +284,10 @@ def _bounds(diag: Findings) -> Part:
         return ()
     name, bound = stopped[0]
     words = f"{name} is at its bound"
+    every = f"{words} of {bound}: widen it"
     if len(stopped) > 1:
         every = f"{joined(name for name, _ in stopped)} are at their bounds: widen these"
-        return as_part((3, every), (6, f"{words}: widen it"))
-    return as_part((3, f"{words} of {bound}: widen it"), (6, f"{words}: widen it"))
+    return as_part((3, every), (6, f"{words}: widen it"))
 
 
 def _held(diag: Findings) -> Part:

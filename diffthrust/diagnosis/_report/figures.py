@@ -22,7 +22,7 @@ from diffthrust._support.figures import (
     unboxed,
 )
 from diffthrust._support.words import humanize, number, percent
-from diffthrust.comparison._figures import draw_drive, drives_of
+from diffthrust.comparison._figures import draw_drive, drives_of, labelled
 from diffthrust.diagnosis._findings import Findings, Stage, TriedEffect
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._missing import Missing
@@ -118,7 +118,7 @@ def learned_figure(diag: Findings) -> Figure:
     for (curve, density), law in zip(axes.T, diag.laws, strict=True):
         _curve(curve, law)
         density.hist(law.shown.value * law.samples, bins=_BINS, color=GREY)
-        _dress(density, _labelled(signal_words(law), law.place_unit), "samples")
+        _dress(density, labelled(signal_words(law), law.place_unit), "samples")
     return figure
 
 
@@ -133,10 +133,6 @@ def _dress(panel: Axes, x: str = "", y: str = "", title: str = "") -> None:
     panel.set_ylabel(y, fontsize=9)
     panel.set_title(title, loc="left", fontsize=10)
     unboxed(panel)
-
-
-def _labelled(words: str, unit: str) -> str:
-    return f"{words} [{unit}]" if unit else words
 
 
 def _worst(diag: Findings) -> tuple[Run, Run]:
@@ -196,7 +192,7 @@ def _traces(panel: Axes, baseline: Run, updated: Run | None, name: str) -> None:
     if updated:
         last = thinned(updated.time, updated.shown_channels[name].modelled)
         panel.plot(*last, color=BLUE, linewidth=1.1, label="last stage")
-    _dress(panel, y=_labelled(humanize(name), first.unit))
+    _dress(panel, y=labelled(humanize(name), first.unit))
 
 
 def _banded(panel: Axes, x: np.ndarray, mean: np.ndarray, error: np.ndarray, colour: str) -> None:
@@ -215,7 +211,7 @@ def _over_time(panel: Axes, missing: Missing) -> None:
     panel.legend(loc="upper right", fontsize=8, ncols=2, framealpha=0.9)
     panel.margins(y=0.2)
     title = f"missing at '{missing.port}', {name}"
-    _dress(panel, "time [s]", _labelled(missing.port, missing.unit), title)
+    _dress(panel, "time [s]", labelled(missing.port, missing.unit), title)
 
 
 def _over_signal(panel: Axes, missing: Missing) -> None:
@@ -230,8 +226,8 @@ def _over_signal(panel: Axes, missing: Missing) -> None:
     panel.legend(loc="upper right", fontsize=8, framealpha=0.9)
     panel.margins(y=0.2)
     title = f"{missing.depends_on} explains {percent(missing.share)} of it"
-    place = _labelled(missing.depends_on, missing.dependence_unit)
-    _dress(panel, place, _labelled(missing.port, missing.unit), title)
+    place = labelled(missing.depends_on, missing.dependence_unit)
+    _dress(panel, place, labelled(missing.port, missing.unit), title)
 
 
 def _bars(panel: Axes, tried: list[TriedEffect], diag: Findings) -> None:
