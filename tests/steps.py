@@ -48,6 +48,7 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     missed,
     no_better,
     noises,
+    simulation_errors,
     wald,
 )
 from diffthrust.diagnosis._effect_shares import shares_by_effect  # private: made by hand
@@ -75,7 +76,6 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
     Worth,
     explained_share,
     harms,
-    helps,
     matters,
     negligible,
     sure_share,
@@ -219,7 +219,7 @@ from diffthrust.diagnosis._spectral_line import (  # private: spectra without a 
     height_over_turns,
     strongest_line,
 )
-from diffthrust.diagnosis._stage_fit import worths_between  # private: of two stages
+from diffthrust.diagnosis._stage_fit import worth_between  # private: of two stages
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
     done,

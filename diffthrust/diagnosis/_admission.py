@@ -9,11 +9,7 @@ from functools import partial
 from typing import TypeGuard
 
 from diffthrust.diagnosis._criteria import criterion, missed, no_better, price_of, unseen_gain
-from diffthrust.diagnosis._explained_share import (
-    matters,
-    negligible,
-    surely_less,
-)
+from diffthrust.diagnosis._explained_share import matters, negligible, surely_less
 from diffthrust.diagnosis._findings import Refusal, Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter
 from diffthrust.diagnosis._rating import Tried
@@ -28,7 +24,7 @@ from diffthrust.diagnosis._stage_fit import (
     fitted_to_its_end,
     refitted_stage,
     stage_effects,
-    worths_between,
+    worth_between,
 )
 
 
@@ -168,7 +164,7 @@ def reject_if_negligible(
     with context.clock("whole runs"):
         baseline = fitted_to_runs(fitter, last)
         change = change_between(fitter, baseline, fitted_beside(fitter, last, present, names))
-    if not negligible(change.worth, change.everywhere):
+    if not negligible(change):
         return None
     return replace(state, detectable=(*state.detectable, name))
 
@@ -187,7 +183,7 @@ def reject_if_unborne(context: SearchContext, state: SearchState, name: str) -> 
         baseline = fitted_to_runs(fitter, last)
         moved = fitted_beside(fitter, last, state.current.trial, names, still=[name])
         change = change_between(fitter, baseline, moved)
-    return None if surely_less(change.everywhere) else Refusal.NO_BETTER_RUNS
+    return None if surely_less(change.of_all) else Refusal.NO_BETTER_RUNS
 
 
 def record_stage(
@@ -196,10 +192,10 @@ def record_stage(
     """Record the newly fitted effect as a stage, or as only detectable."""
     last = state.stages[-1]
     without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
-    worth, everywhere = worths_between(without[-1], fitted)
+    worth = worth_between(without[-1], fitted)
     constant = name in context.fitter.constants  # a wrong constant biases all effects
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
-    if constant or matters(worth, everywhere) or in_place_of_others:
+    if constant or matters(worth) or in_place_of_others:
         return replace(state, stages=(*state.stages, fitted))
     return replace(state, detectable=(*state.detectable, name))
 

@@ -7,11 +7,11 @@ import re
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._findings import HeldValue, Refusal
+from diffthrust.diagnosis._findings import HeldValue, Refusal, Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._score_test import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
@@ -136,17 +136,7 @@ def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, 
 # -- simulations over whole runs, against the evidence of one-step errors --------------------------
 
 
-class OverRuns(Protocol):
-    """Errors over whole training and unseen runs, such as those of a stage."""
-
-    @property
-    def train(self) -> Errors: ...
-
-    @property
-    def holdout(self) -> Errors | None: ...
-
-
-def missed(last: OverRuns, stage: OverRuns) -> bool:
+def missed(last: Stage, stage: Stage) -> bool:
     """Whether whole training runs get worse without an effect that one-step errors do not need."""
     return (
         statistics.geometric_mean(_growth(last.train, stage.train))
@@ -154,7 +144,7 @@ def missed(last: OverRuns, stage: OverRuns) -> bool:
     )
 
 
-def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
+def no_better(last: Stage, stage: Stage) -> Refusal | None:
     """The refusal of a new stage whose whole-run errors have grown, else ``None``.
 
     Where those of every channel of the training logs have, the fit has not come to its optimum,

@@ -35,7 +35,7 @@ from diffthrust.diagnosis._simulation_fit import (
     fitted_to_runs,
     simulation_fitter,
 )
-from diffthrust.diagnosis._stage_fit import ended, worths_between
+from diffthrust.diagnosis._stage_fit import ended, worth_between
 from diffthrust.diagnosis._stepwise import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
@@ -88,8 +88,8 @@ def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit
         refitted = refitted_rivals(context, last, name, early)
         if exchanged := _with_exchange(context, state, name, refitted):
             return SearchResult(state, (), (), exchanged)
-        shares = {rival: worths_between(stage, last) for rival, stage in refitted.items()}
-        alike += [rival for rival, ahead in shares.items() if not told_apart(effect, *ahead)]
+        shares = {rival: worth_between(stage, last) for rival, stage in refitted.items()}
+        alike += [r for r, ahead in shares.items() if not told_apart(effect, ahead, ahead.of_all)]
         groups.append((name, *dict.fromkeys(alike)))
     detectable, beside = [], dict[str, FittedStage]()
     poor = bool(state.detectable) and simulation_is_poor(context, state, last)
@@ -161,7 +161,7 @@ def near_over_whole_runs(
     without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
     started = screened(simulation, rivals, without, levels_of(fitter, without))
     ended = {rival: simulation.further(trial) for rival, trial in started.items()}
-    ahead = {r: change_between(fitter, t, fitted).everywhere.share for r, t in ended.items()}
+    ahead = {r: change_between(fitter, t, fitted).of_all.share for r, t in ended.items()}
     most = 1.0 - 1.0 / SETTINGS.equivalence.near_error**2
     order = sorted(ended, key=lambda rival: ahead[rival])
     near = [rival for rival in order if ahead[rival] <= most and rival not in alike]
@@ -173,7 +173,7 @@ def _beside_others(state: SearchState, name: str) -> Worth | None:
     """What an effect of the last stage removes, on all logs, of the error left without it."""
     last = state.stages[-1]
     if len(last.effects) == 1:
-        return worths_between(state.stages[0], last)[1]
+        return worth_between(state.stages[0], last).of_all
     worth = state.beside.get(name)
     return worth and (worth.everywhere or worth)
 
@@ -203,7 +203,7 @@ def unrefuted(
     for rival in nearest:
         instead = fitted_beside(fitter, stage, rivals[rival], (*kept, rival))
         ahead = change_between(fitter, instead, fitted)
-        if not told_apart(effect, ahead.worth, ahead.everywhere):
+        if not told_apart(effect, ahead, ahead.of_all):
             alike.append(rival)
     return alike
 
@@ -294,11 +294,10 @@ def _with_exchange(
 
 def _is_better(state: SearchState, name: str, stage: FittedStage) -> bool:
     last = state.stages[-1]
-    worth, everywhere = worths_between(last, stage)
-    little = adds_little(replace(worth, everywhere=everywhere))
-    if no_better(last, stage) or (little and name in state.detectable):
+    worth = worth_between(last, stage)
+    if no_better(last, stage) or (adds_little(worth) and name in state.detectable):
         return False
-    return everywhere.share > 0.0 and matters(worth, everywhere)
+    return worth.of_all.share > 0.0 and matters(worth)
 
 
 def _exchanged(

@@ -81,6 +81,11 @@ class Worth:
         return share_words(self.share), f"{share_words(self.low)} to {share_words(self.high)}"
 
     @property
+    def of_all(self) -> Worth:
+        """The same of training and unseen logs together; it is that where there are no unseen."""
+        return self.everywhere or self
+
+    @property
     def above_zero(self) -> bool:
         """Whether its interval excludes zero, also as it is printed."""
         return self.low >= _LEAST_PRINTED
@@ -134,6 +139,16 @@ def explained_share(logs: Sequence[Mapping[str, Sequence[np.ndarray]]], seed: in
     return shares_of_steps(logs, [[1]], seed)[0]
 
 
+def worth_of(
+    trained: Sequence[Mapping[str, Sequence[np.ndarray]]],
+    unseen: Sequence[Mapping[str, Sequence[np.ndarray]]],
+) -> Worth:
+    """The `explained_share` of unseen logs if there are any, and beside it that of all logs."""
+    if not unseen:
+        return explained_share(trained)
+    return replace(explained_share(unseen), everywhere=explained_share([*trained, *unseen]))
+
+
 def shares_of_steps(
     logs: Sequence[Mapping[str, Sequence[np.ndarray]]],
     steps: Sequence[Sequence[int]],
@@ -178,7 +193,7 @@ def shares_of_steps(
 # -- what a share allows to say --------------------------------------------------------------------
 
 
-def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
+def matters(worth: Worth, driven: str = "") -> bool:
     """Whether whole runs are surely better by an effect: in all, or one channel and none worse.
 
     A channel that no model explains weighs most in the sum, and hides what an effect does to the
@@ -186,14 +201,15 @@ def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
     removes -2 % (-11 % to 5 %) of all of it.
 
     Args:
-        worth: on unseen logs; must not be negligible.
-        everywhere: on training and unseen logs together, which must be sure: a few unseen logs
-            seldom are, and random forces may last for as long as one of them.
+        worth: on unseen logs it must not be negligible, and on training and unseen logs together
+            it must be sure: a few unseen logs seldom are, and random forces may last for as long
+            as one of them.
         driven: the measured channel in which it enters, where that is known: one channel alone
             speaks for it only if this one is surely better, too. A curve in the surge of a
             BlueBoat, which removes 24 % of the squared yaw rate error, removed of that of surge
             31 % (-12 % to 89 %).
     """
+    everywhere = worth.of_all
     if not (math.isfinite(worth.share) and math.isfinite(everywhere.share)):
         return False  # a run diverges: of the NGS with a curve that helped in all the others
     if everywhere.sure and worth.share > SETTINGS.whole_runs.negligible_share:
@@ -207,14 +223,9 @@ def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
     return alone and entered and not harms(everywhere)
 
 
-def helps(worth: Worth, driven: str = "") -> bool:
-    """Whether a change `matters`, by its share of unseen logs and that of all."""
-    return matters(worth, worth.everywhere or worth, driven)
-
-
-def negligible(worth: Worth, everywhere: Worth) -> bool:
+def negligible(worth: Worth) -> bool:
     """Whether an effect changes next to nothing, sure or not, in all and of each channel."""
-    limits, both = SETTINGS.whole_runs, (worth, everywhere)
+    limits, both = SETTINGS.whole_runs, (worth, worth.of_all)
     return all(abs(each.share) <= limits.negligible_share for each in both) and all(
         channel.share <= limits.one_channel_share
         for each in both

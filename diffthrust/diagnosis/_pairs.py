@@ -32,7 +32,7 @@ from diffthrust.diagnosis._stage_fit import (
     ended,
     ended_worse,
     errors_between,
-    worths_between,
+    worth_between,
 )
 
 _PROBES = 4
@@ -245,8 +245,8 @@ def _is_proven(last: FittedStage, stage: FittedStage) -> bool:
     A current and a weak thruster took a boat's training runs from 0.95 to 0.30 and its only unseen
     run from 0.54 to 0.43, 37 % (5 % to 63 %) of its squared error, while two drags were missing.
     """
-    unseen, everywhere = worths_between(last, stage)
-    by_far = unseen.sure and everywhere.low > SETTINGS.pairs.least_single_share
+    unseen = worth_between(last, stage)
+    by_far = unseen.sure and unseen.of_all.low > SETTINGS.pairs.least_single_share
     enough = unseen.low > SETTINGS.whole_runs.proving_share
     return no_better(last, stage) is None and (enough or by_far)
 
@@ -258,9 +258,9 @@ def _is_needed(single: FittedStage, pair: FittedStage) -> bool:
     0.65, that run was not sure, and training runs, which fell from 0.29 to 0.10, were not asked.
     Unseen ones by a tenth, too: a coupling removed 5 % beside a drag that had removed 93 % alone.
     """
-    unseen, everywhere = worths_between(single, pair)
-    much = unseen.sure and not adds_little(unseen)
-    return much or everywhere.low > SETTINGS.whole_runs.proving_share
+    unseen = worth_between(single, pair)
+    much = unseen.sure and not adds_little(replace(unseen, everywhere=None))
+    return much or unseen.of_all.low > SETTINGS.whole_runs.proving_share
 
 
 def _is_hopeless(runs: Runs, base: TrialFit, single: TrialFit, pair: TrialFit) -> bool:
@@ -285,8 +285,11 @@ def _share(runs: Runs, single: TrialFit, pair: TrialFit) -> float:
 
 def _is_proven_alone(last: FittedStage, stage: FittedStage) -> bool:
     """Whether whole runs alone prove one effect: by far more than chance finds among many."""
-    surely = min(worth.low for worth in worths_between(last, stage))
-    return not no_better(last, stage) and surely > SETTINGS.pairs.least_single_share
+    worth = worth_between(last, stage)
+    return (
+        not no_better(last, stage)
+        and min(worth.low, worth.of_all.low) > SETTINGS.pairs.least_single_share
+    )
 
 
 def _removed(without: FittedStage, stage: FittedStage) -> Worth:
@@ -295,7 +298,7 @@ def _removed(without: FittedStage, stage: FittedStage) -> Worth:
     Of these alone: on the training logs a model that lacks more than this pair does not end where
     unseen logs want it, and one effect stands in for another.
     """
-    return worths_between(without, stage)[0]
+    return replace(worth_between(without, stage), everywhere=None)
 
 
 def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> FittedStage:

@@ -12,20 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
+from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share, worth_of
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, ResidualClip, TrialFit
 from diffthrust.estimation._horizons import schedule
 from diffthrust.estimation._one_step import passes, with_own_values
 from diffthrust.estimation._problem import Problem
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
 """Numerics: steps from each start of a fit to whole runs, before the best is continued."""
 _FOLLOWED = 2
 """Numerics: starts that are followed: those of least cost over the shortest horizon."""
-_Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
 
 
 def simulation_fitter(fitter: CandidateFitter, within: float | None = None) -> CandidateFitter:
@@ -162,46 +160,9 @@ def fitted_beside(
     return simulation.solve(effects, best.values, best.initial_states, clip, still=still)
 
 
-class SimulationErrors(NamedTuple):
-    """Errors of a trial over whole runs, as `Stage` has those of a fit.
-
-    Args:
-        train: errors on training logs.
-        holdout: on unseen ones.
-    """
-
-    train: Errors
-    holdout: Errors | None
-
-
-class SimulationChange(NamedTuple):
-    """Errors over whole runs without and with a change of the model.
-
-    Args:
-        before: errors without it.
-        after: errors with it.
-        worth: share that it explains, on unseen logs if there are any.
-        everywhere: share that it explains on training and unseen logs together.
-    """
-
-    before: SimulationErrors
-    after: SimulationErrors
-    worth: Worth
-    everywhere: Worth
-
-
-def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> SimulationChange:
-    """The errors over whole runs of two trials, and what the second explains more."""
-    simulation = simulation_fitter(fitter)
-    baseline, updated = _runs(simulation, first, second), _runs(simulation, second, first)
-    trained = _pairs(baseline.trained, updated.trained)
-    unseen = _pairs(baseline.unseen, updated.unseen)
-    return SimulationChange(
-        before=baseline.errors,
-        after=updated.errors,
-        worth=explained_share(unseen or trained),
-        everywhere=explained_share([*trained, *unseen]),
-    )
+def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
+    """What the second of two trials removes of the first one's squared error over whole runs."""
+    return worth_of(*_errors_of_both(simulation_fitter(fitter), first, second))
 
 
 def share_between(simulation: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
@@ -209,56 +170,38 @@ def share_between(simulation: CandidateFitter, first: TrialFit, second: TrialFit
 
     Over whole runs, or over those that forget: as the trials of the `simulation_fitter` run.
     """
-    baseline, updated = _runs(simulation, first, second), _runs(simulation, second, first)
-    pairs = _pairs(baseline.unseen or baseline.trained, updated.unseen or updated.trained)
-    return explained_share(pairs)
+    trained, unseen = _errors_of_both(simulation, first, second)
+    return explained_share(unseen or trained)
 
 
-class _Runs(NamedTuple):
-    """Whole runs of a trial: measurements and errors by log and channel."""
+def _errors_of_both(
+    simulation: CandidateFitter, first: TrialFit, second: TrialFit
+) -> tuple[list[dict[str, BeforeAfter]], list[dict[str, BeforeAfter]]]:
+    """The errors of two trials over the training and the unseen logs, log by log and channel.
 
-    trained: _Residuals
-    unseen: _Residuals
-
-    @property
-    def errors(self) -> SimulationErrors:
-        return SimulationErrors(
-            _pooled(self.trained), _pooled(self.unseen) if self.unseen else None
-        )
-
-
-def _runs(simulation: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
-    """The runs of a trial, by a program that includes the effects of its rival.
-
-    Both are then integrated by the same code, and rounding makes no difference between them.
+    By a program that includes the effects of both: they are then integrated by the same code, and
+    rounding makes no difference between them.
     """
-    program = simulation.ready({*trial.effects, *rival.effects})
+    program = simulation.ready({*first.effects, *second.effects})
 
-    def residuals(problem: Problem) -> _Residuals:
-        pairs = (zip(log.measured, log.errors, strict=True) for log in passes(problem))
-        return [dict(zip(simulation.channels, of_log, strict=True)) for of_log in pairs]
+    def errors(problems: Sequence[Problem]) -> list[dict[str, BeforeAfter]]:
+        return [
+            {
+                name: BeforeAfter(a.measured[c], a.errors[c], b.errors[c])
+                for c, name in enumerate(simulation.channels)
+            }
+            for a, b in zip(*map(passes, problems), strict=True)
+        ]
 
-    def at_values(problem: Problem, starts: np.ndarray | None) -> Problem:
+    def at_values(problem: Problem, trial: TrialFit, starts: np.ndarray | None) -> Problem:
         return trial.clip.on(problem.focus(trial.names, trial.values, starts))
 
-    trained = residuals(at_values(program.problem, trial.initial_states))
+    both = first, second
+    trained = errors([at_values(program.problem, t, t.initial_states) for t in both])
     if program.unseen is None:
-        return _Runs(trained, [])
-    return _Runs(trained, residuals(with_own_values(at_values(program.unseen, None))))
-
-
-def _pairs(first: _Residuals, second: _Residuals) -> list[dict[str, BeforeAfter]]:
-    return [
-        {
-            name: BeforeAfter(measured, residual, updated[name][1])
-            for name, (measured, residual) in baseline.items()
-        }
-        for baseline, updated in zip(first, second, strict=True)
-    ]
-
-
-def _pooled(runs: _Residuals) -> Errors:
-    return errors({name: [run[name] for run in runs] for name in runs[0]})
+        return trained, []
+    unseen = [with_own_values(at_values(program.unseen, t, None)) for t in both]
+    return trained, errors(unseen)
 
 
 def values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:

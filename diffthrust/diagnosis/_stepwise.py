@@ -18,9 +18,8 @@ from functools import partial
 
 from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._candidates import of_effect
-from diffthrust.diagnosis._criteria import OverRuns
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._findings import Refusal, TriedEffect
+from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
 from diffthrust.diagnosis._pairs import with_proven
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
@@ -36,6 +35,7 @@ from diffthrust.diagnosis._simulation_fit import (
 )
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.estimation._horizons import schedule
+from diffthrust.estimation._result import Fit
 from diffthrust.simulation._starts import felt, told_by
 
 SCREENS = 3
@@ -202,7 +202,7 @@ def still_refused(context: SearchContext, state: SearchState, name: str) -> Refu
     return None if touched else why
 
 
-def simulation_is_poor(context: SearchContext, state: SearchState, last: OverRuns) -> bool:
+def simulation_is_poor(context: SearchContext, state: SearchState, last: Stage | Fit) -> bool:
     """Whether the whole-run errors of a stage or a fit are large and persistent."""
     sigma = state.current.trial.quadratic.sigma
     one_step = dict(zip(context.fitter.channels, map(float, sigma), strict=True))

@@ -106,7 +106,7 @@ def test_a_current_that_is_nearly_the_same_in_all_logs_is_one_again(
         return SimpleNamespace(model=model, train=train, holdout=None), (), ()
 
     for name, answer in (
-        ("_refitted", apart), ("no_better", None), ("matters", matters), ("worths_between", ())
+        ("_refitted", apart), ("no_better", None), ("matters", matters), ("worth_between", None)
     ):  # fmt: skip
         monkeypatch.setattr(stage_fit_module, name, lambda *_, answer=answer: answer)
     monkeypatch.setattr(stage_fit_module, "stage_effects", lambda _: apart.effects)

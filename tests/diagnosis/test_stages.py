@@ -27,7 +27,7 @@ from steps import (
     done,
     effect_shares_module,
     from_simulation,
-    helps,
+    matters,
     next_stage,
     other_values,
     plainest_first,
@@ -699,13 +699,15 @@ def test_a_law_is_judged_as_an_effect_is():
     Of all runs the law surely removes two thirds.
     """
     of_all = Worth(0.67, 0.3, 0.9)
-    assert helps(Worth(0.41, -0.16, 0.77, everywhere=of_all))
-    assert not helps(Worth(0.41, -0.16, 0.77))
-    assert not helps(Worth(0.001, -0.16, 0.2, everywhere=of_all))
+    assert matters(Worth(0.41, -0.16, 0.77, everywhere=of_all))
+    assert not matters(Worth(0.41, -0.16, 0.77))
+    assert not matters(Worth(0.001, -0.16, 0.2, everywhere=of_all))
     alone = {"surge": Worth(0.5, 0.2, 0.8), "sway": Worth(0.0, -0.1, 0.1)}
     drowned = Worth(0.07, -0.01, 0.2, alone)
-    assert helps(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
-    assert not helps(Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned))  # a run diverges
+    assert matters(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
+    assert not matters(
+        Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned)
+    )  # diverges
 
 
 def test_a_law_must_help_in_the_channel_in_which_it_enters():
@@ -714,10 +716,10 @@ def test_a_law_must_help_in_the_channel_in_which_it_enters():
     alone = {"surge": Worth(0.31, -0.12, 0.89), "yaw_rate": Worth(0.24, 0.1, 0.4)}
     drowned = Worth(0.07, -0.01, 0.2, alone)
     worth = Worth(0.1, -0.3, 0.4, alone, everywhere=drowned)
-    assert helps(worth)
-    assert helps(worth, "yaw_rate")
-    assert not helps(worth, "surge")
-    assert helps(Worth(0.2, 0.1, 0.3, alone), "surge")  # in all channels it is sure
+    assert matters(worth)
+    assert matters(worth, "yaw_rate")
+    assert not matters(worth, "surge")
+    assert matters(Worth(0.2, 0.1, 0.3, alone), "surge")  # in all channels it is sure
 
 
 @pytest.mark.parametrize(("low", "refusal"), [(-0.01, Refusal.NO_BETTER_RUNS), (0.005, None)])
@@ -728,7 +730,7 @@ def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, r
     def fitted_beside(fitter, last, trial, effects, still):
         held.append((effects, still))
 
-    change = SimpleNamespace(everywhere=Worth(0.02, low, 0.05))
+    change = Worth(0.02, low, 0.05)
     for name, work in (("fitted_to_runs", lambda *_: None), ("fitted_beside", fitted_beside),
                        ("change_between", lambda *_: change)):  # fmt: skip
         monkeypatch.setattr(admission_module, name, work)

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.diagnosis._effect_shares import shares_by_steps
-from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._explained_share import Worth, worth_of
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._residual_structure import downstream_ports
 from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._stage_fit import errors_between
 from diffthrust.diagnosis._unknown_term.closed_forms import as_estimated
 from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve
 from diffthrust.diagnosis._unknown_term.terms import (
@@ -76,20 +76,17 @@ def _horizons(context: SearchContext) -> tuple[float | None, ...]:
 
 
 def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
-    """The share of a fit's whole-run error that another removes.
-
-    On unseen logs if there are any, and on all of them.
-    """
+    """The share of a fit's whole-run error that another removes."""
     trained, unseen = (
-        [_runs_of(context, fit, part) for fit in (baseline, updated)] for part in (True, False)
+        errors_between(*(_runs_of(context, fit, part) for fit in (baseline, updated)))
+        for part in (True, False)
     )
-    return shares_by_steps(trained, unseen, [[1]])[0]
+    return worth_of(trained, unseen)
 
 
 def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:
     """Whether whole runs, training and unseen together, are surely better than a rival's."""
-    worth = worth_between_fits(context, rival, fit)
-    return (worth.everywhere or worth).low > 0
+    return worth_between_fits(context, rival, fit).of_all.low > 0
 
 
 def _runs_of(context: SearchContext, fit: Fit, trained: bool) -> tuple[Run, ...]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust.diagnosis._explained_share import helps
+from diffthrust.diagnosis._explained_share import matters
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
 from diffthrust.diagnosis._residual_structure import downstream_ports
@@ -59,7 +59,7 @@ def try_closed_forms(
     """A law with the closed forms that were fitted in its curve's place, and its name if one fits.
 
     A form names the law if whole unseen runs err as little with it, but for a tenth (a curve bends
-    as noise does), and if whole runs surely err less with it (`helps`).
+    as noise does), and if whole runs surely err less with it (`matters`).
 
     Args:
         context: what the search works with.
@@ -130,7 +130,7 @@ def _fitted_forms(
             match.form.companion,
         )  # fmt: skip
         worth = worth_between_fits(context, baseline, fit)
-        if _does_as_well(context, fit, law) and helps(worth, law.driven):
+        if _does_as_well(context, fit, law) and matters(worth, law.driven):
             enough = min(enough, _parameter_count(match))
             least_criterion = min(least_criterion, criterion)
 

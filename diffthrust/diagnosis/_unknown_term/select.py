@@ -57,7 +57,7 @@ def learned_law(
 ) -> tuple[SearchResult, LearnedLaw] | None:
     """The law that no known effect expresses, if structure is proven; ``None`` if none is sure.
 
-    Whole runs must surely be better with it, by the rule for effects (`helps`). Effects that were
+    Whole runs must surely be better with it, by the rule for effects (`matters`). Effects that were
     found without it are sought again beside it.
 
     Args:
@@ -316,8 +316,7 @@ def _start_elimination(
 def _matters(fitter: CandidateFitter, trial: TrialFit, name: str) -> bool:
     """Whether whole runs are surely better by an effect beside all others of a trial."""
     remaining = tuple(n for n in trial.effects if n != name)
-    change = change_between(fitter, fitted_without(fitter, trial, remaining), trial)
-    return matters(change.worth, change.everywhere)
+    return matters(change_between(fitter, fitted_without(fitter, trial, remaining), trial))
 
 
 def _restrict_to(
