@@ -212,7 +212,6 @@ from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnos
     change_between,
     fitted_beside,
     fitted_to_runs,
-    simulation_fitter,
 )
 from diffthrust.diagnosis._spectral_line import (  # private: spectra without a search
     height_at,

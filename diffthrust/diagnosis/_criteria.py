@@ -128,7 +128,7 @@ def unseen_gain(fitter: CandidateFitter, baseline: TrialFit, updated: TrialFit) 
 
 def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:
     """NRMSE of the uncorrected simulation, on training and on unseen logs."""
-    simulation = replace(trial, values={**trial.values, **fitter.programs.uncorrected})
+    simulation = replace(trial, values={**trial.values, **fitter.uncorrected})
     unseen = simulation.unseen
     return nrmse(simulation.at_values), None if unseen is None else nrmse(unseen)
 

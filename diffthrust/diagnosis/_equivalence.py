@@ -33,7 +33,6 @@ from diffthrust.diagnosis._simulation_fit import (
     change_between,
     fitted_beside,
     fitted_to_runs,
-    simulation_fitter,
 )
 from diffthrust.diagnosis._stage_fit import ended, worth_between
 from diffthrust.diagnosis._stepwise import simulation_is_poor
@@ -156,7 +155,7 @@ def near_over_whole_runs(
     rivals = [rival for rival in tried if rival not in present]
     if not rivals or not simulation_is_poor(context, state, state.stages[-1]):
         return {}
-    simulation = simulation_fitter(fitter)
+    simulation = fitter.simulating()
     fitted = fitted_to_runs(fitter, stage)
     without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
     started = screened(simulation, rivals, without, levels_of(fitter, without))
@@ -198,7 +197,7 @@ def unrefuted(
     fitter = context.fitter
     kept = [n for n in stage.effects if n != name]
     nearest = list(rivals)[: SETTINGS.equivalence.most_compared]
-    simulation_fitter(fitter).ready(stage.effects, nearest)  # one program for all of them
+    fitter.simulating().ready(stage.effects, nearest)  # one program for all of them
     fitted, alike = fitted_to_runs(fitter, stage), []
     for rival in nearest:
         instead = fitted_beside(fitter, stage, rivals[rival], (*kept, rival))

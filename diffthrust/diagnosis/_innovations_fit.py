@@ -198,29 +198,17 @@ class TrialFit:
         return len(estimated), [response.scores(estimated, own) for own in by_set]
 
 
-class CandidateFitter:
-    """Fits of a model with any of the candidates, over the same logs.
+class CandidateFitter(Programs):
+    """Fits of a model with any of the candidates, over the same logs."""
 
-    Args:
-        programs: the compiled problems.
+    @property
+    def least_gain(self) -> float:
+        """By how much an effect must lower the criterion to be added.
 
-    Attributes:
-        least_gain: by which an effect must lower the criterion to be added: more where many are
-            tried, of which the best has gained the most by chance.
-    """
-
-    def __init__(self, programs: Programs) -> None:
-        self.programs, self.nuisance = programs, programs.nuisance
-        self.model, self.records, self.channels = (
-            programs.model,
-            programs.records,
-            programs.channels,
-        )
-        self.candidates, self.constants = programs.candidates, programs.constants
-        self.free, self.counts, self.samples = programs.free, programs.counts, programs.samples
-        self.places, self.ready = programs.places, programs.ready
+        More where many are tried, of which the best has gained the most by chance.
+        """
         many = (len(self.candidates) + len(self.constants)) / SETTINGS.admission.priced_candidates
-        self.least_gain = SETTINGS.admission.least_bic_gain + 2.0 * math.log(max(1.0, many))
+        return SETTINGS.admission.least_bic_gain + 2.0 * math.log(max(1.0, many))
 
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
@@ -232,7 +220,7 @@ class CandidateFitter:
             and any(of_effect(n, effect) for effect in effects)
             and not named[n].fixed
         ]
-        room = max(0, self.programs.width - len(self.free) - len(added))
+        room = max(0, self.width - len(self.free) - len(added))
         return (*self.free, *sorted(self.nuisance, key=is_memory)[:room], *added)  # gains first
 
     def solve(
@@ -253,7 +241,7 @@ class CandidateFitter:
         problem = clip.on(program.problem.focus(names, values, initial_states))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        response_problem = partial(self.programs.response_problem, program, effects, len(names))
+        response_problem = partial(self.response_problem, program, effects, len(names))
         fitted = partial(
             TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
             response_problem=response_problem,

@@ -78,7 +78,7 @@ def odd_logs(
             continue
         words = [_error_words(channel, outlier.ratio)] if _larger(outlier.ratio) else []
         peers = [run for i, run in enumerate(runs[: len(fitter.records)]) if i != k]
-        beyond = beyond_others(fitter.programs.model, runs[k], peers)
+        beyond = beyond_others(fitter.model, runs[k], peers)
         evidence = joined(words + words_of.get(k, []))
         odd.append(OddLog(outlier.run, channel, evidence, outlier.share, beyond))
     return tuple(sorted(odd, key=lambda log: -log.share))
@@ -126,7 +126,7 @@ def deviating_logs(fitter: CandidateFitter, trial: TrialFit, count: int) -> list
     sigma, deviating = np.asarray(trial.quadratic.sigma), []
     for deviation in deviations(by_log):
         deviation = _refitted(_passing(fitter, trial, deviation.log), deviation, sigma)
-        simulation = replace(trial, values={**trial.values, **fitter.programs.uncorrected})
+        simulation = replace(trial, values={**trial.values, **fitter.uncorrected})
         if (
             _fall(_passing(fitter, simulation, deviation.log), deviation)
             < SETTINGS.outlier_logs.most_error_left

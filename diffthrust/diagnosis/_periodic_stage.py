@@ -228,7 +228,7 @@ def _with_candidate(
             unseen,
             windows,
             state.current.trial,
-            (fitter.programs.substeps, last.fit.substeps),
+            (fitter.substeps, last.fit.substeps),
         )
     refit = replace(context.refit, train=train)
     context = replace(context, fitter=wider, unseen=unseen, refit=refit)

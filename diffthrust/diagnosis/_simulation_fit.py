@@ -26,14 +26,6 @@ _FOLLOWED = 2
 """Numerics: starts that are followed: those of least cost over the shortest horizon."""
 
 
-def simulation_fitter(fitter: CandidateFitter, within: float | None = None) -> CandidateFitter:
-    """Fits of the same model with any of the same candidates, to whole simulated runs.
-
-    Or to runs that forget their errors within so many seconds.
-    """
-    return CandidateFitter(fitter.programs.simulating(within or math.inf))
-
-
 class Runs:
     """Fits to whole runs; where the model has horizons, to runs that forget beyond the longest.
 
@@ -54,8 +46,8 @@ class Runs:
     def __init__(self, fitter: CandidateFitter, given: Model) -> None:
         self.origin = fitter
         horizons = schedule(given, fitter.records, "auto")
-        self.fitter = simulation_fitter(fitter, within=horizons[-1])
-        self._nearby, self._distant = map(self.fitter.programs.gains, (horizons[0], horizons[-1]))
+        self.fitter = fitter.simulating(horizons[-1] or math.inf)
+        self._nearby, self._distant = map(self.fitter.gains, (horizons[0], horizons[-1]))
 
     def near(
         self,
@@ -127,7 +119,7 @@ def _fitted(
 ) -> TrialFit:
     for name in absent:
         values = fitter.absent(name, values)
-    simulation = simulation_fitter(fitter)
+    simulation = fitter.simulating()
     return simulation.further(simulation.solve(effects, values, None, unclipped(fitter)))
 
 
@@ -149,7 +141,7 @@ def fitted_beside(
     lacking = {
         n: v for n, v in trial_values.items() if n in still or n not in last.fit.model.parameters
     }
-    simulation, clip = simulation_fitter(fitter), unclipped(fitter)
+    simulation, clip = fitter.simulating(), unclipped(fitter)
     ends = []
     for values in (trial_values, lacking):
         start: Mapping[str, float] = {**stage_values, **values}
@@ -162,13 +154,13 @@ def fitted_beside(
 
 def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
     """What the second of two trials removes of the first one's squared error over whole runs."""
-    return worth_of(*_errors_of_both(simulation_fitter(fitter), first, second))
+    return worth_of(*_errors_of_both(fitter.simulating(), first, second))
 
 
 def share_between(simulation: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
     """The share of the first trial's errors that the second removes, on unseen logs if any.
 
-    Over whole runs, or over those that forget: as the trials of the `simulation_fitter` run.
+    Over whole runs, or over those that forget: as the trials of `CandidateFitter.simulating` run.
     """
     trained, unseen = _errors_of_both(simulation, first, second)
     return explained_share(unseen or trained)
@@ -206,7 +198,7 @@ def _errors_of_both(
 
 def values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
     """The values of a stage, with absent effects at their nulls."""
-    program = simulation_fitter(fitter).ready(stage.effects)
+    program = fitter.simulating().ready(stage.effects)
     values = {n: p.value for n, p in program.problem.named.items()}
     fitted = {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
     return {**values, **fitted}

@@ -705,9 +705,7 @@ def test_a_law_is_judged_as_an_effect_is():
     alone = {"surge": Worth(0.5, 0.2, 0.8), "sway": Worth(0.0, -0.1, 0.1)}
     drowned = Worth(0.07, -0.01, 0.2, alone)
     assert matters(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
-    assert not matters(
-        Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned)
-    )  # diverges
+    assert not matters(Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned))  # diverges
 
 
 def test_a_law_must_help_in_the_channel_in_which_it_enters():

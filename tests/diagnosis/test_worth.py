@@ -77,9 +77,7 @@ def test_an_effect_matters_where_it_is_sure_and_more_than_a_trifle():
     assert not matters(trifle)
     assert not matters(unsure)
     assert matters(replace(unsure, everywhere=Worth(0.1, 0.05, 0.2)))  # all are sure
-    assert not matters(
-        Worth(-0.02, -0.1, 0.1, everywhere=Worth(0.1, 0.05, 0.2))
-    )  # unseen are not
+    assert not matters(Worth(-0.02, -0.1, 0.1, everywhere=Worth(0.1, 0.05, 0.2)))  # unseen are not
     one = Worth(0.02, 0.01, 0.03, {"speed": Worth(0.0, 0, 0), "thrust": Worth(0.6, 0.5, 0.7)})
     assert matters(one)  # a small channel gains by much
 
