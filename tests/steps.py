@@ -242,7 +242,7 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     as_estimated,
     as_formula,
     best_match,
-    form_values,
+    parameter_names,
     ranked_matches,
     with_companion,
 )

@@ -34,14 +34,9 @@ def admit(
     """Add an effect, or return the reason for its refusal.
 
     An effect that matters over whole runs gets a stage of its own, any other that is accepted is
-    recorded as detectable. A state with neither means that the effect proved superfluous.
-
-    Args:
-        context: what the search works with.
-        state: the search so far.
-        tried: the effect.
-        proven: whole unseen runs support the effect. Their one-step errors, in which random forces
-            can take its place, are then not consulted.
+    recorded as detectable. A state with neither means that the effect proved superfluous. Where
+    whole unseen runs support it (``proven``), their one-step errors, in which random forces can
+    take its place, are not consulted.
     """
     fitter, current, (candidate, trial) = context.fitter, state.current, tried
     context.say(f"stage {state.number + 1}: {candidate.effect} in whole runs", state.share(0.5))
@@ -75,13 +70,8 @@ def _fitted_and_recorded(
 
     Where the last stage needs many integrator steps, with few first, and to its end only if it is
     kept: beside the dead band of a Kingfisher, which needs 16 a sample, five effects were found
-    detectable in a minute or two each, as 2 show as well.
-
-    Args:
-        context: what the search works with.
-        state: the search, with the effect.
-        name: the effect.
-        undropped: the same without effects dropped, if any were, for runs that err more without.
+    detectable in a minute or two each, as 2 show as well. Where effects were dropped, and runs err
+    more without them, the search with all (``undropped``) goes on.
     """
     last = state.stages[-1]
     few = few_substeps(last.fit, context.records)
@@ -218,10 +208,7 @@ def comparable(context: SearchContext, present: CurrentModel, tried: Tried) -> b
         gain_beside = gain_of(fitter, trial, remaining)
     price = price_of(fitter, trial) + fitter.least_gain
     kept = candidate.likelihood_ratio - (remaining.gain - gain_beside)
-    return kept > max(
-        SETTINGS.admission.least_share_kept * candidate.likelihood_ratio,
-        price,
-    )
+    return kept > max(SETTINGS.admission.least_share_kept * candidate.likelihood_ratio, price)
 
 
 def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:

@@ -92,14 +92,10 @@ class _Change(NamedTuple):
 def changed_size(
     fit: Fit, added: Sequence[str], training: Sequence[Run], unseen: Sequence[Run]
 ) -> ChangedSize | None:
-    """The change of an added effect that most of the errors over whole runs are, if any.
+    """The change of an effect of a stage that most of the errors over whole runs are, if any.
 
-    Args:
-        fit: of the last stage.
-        added: names of its effects.
-        training: its runs over the training logs.
-        unseen: the same over the unseen ones. Without any nothing is said: of 60 single logs under
-            random forces of 10 s, 9 seemed to change.
+    Without unseen logs nothing is said: of 60 single logs under random forces of 10 s, 9 seemed to
+    change.
     """
     names = [name for name, estimate in fit.parameters.items() if not estimate.fixed]
     places = [i for i, name in enumerate(names) if name.rpartition(".")[0] in added]

@@ -275,14 +275,7 @@ def _scores(rows: np.ndarray, weighted: np.ndarray) -> np.ndarray:
 def _response_to(
     slopes: StepSlopes, place: int, series: np.ndarray, over: np.ndarray
 ) -> np.ndarray:
-    """The errors' response to series ``(B, K, T)`` at a place, ``(B, K, C, T)``.
-
-    Args:
-        slopes: of a batch.
-        place: index of the place.
-        series: at the samples.
-        over: mean until the next sample.
-    """
+    """A batch's response to series at the samples, and their means until the next, at a place."""
     count = series.shape[1]
     padding = ((0, 0), (0, -count % ABREAST), (0, 0))
     series, over = np.pad(series, padding), np.pad(over, padding)

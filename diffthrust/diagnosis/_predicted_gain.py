@@ -25,8 +25,6 @@ from diffthrust.simulation._integrate import integrate
 
 _APART = 1e-4
 """Numerics: derivatives by a parameter without a null are taken over this share of its value."""
-IDLE_CHANGE = 1e-6
-"""Numerics: a point that changes the cost by less does nothing: rounding of a pass is below it."""
 
 Point = Mapping[str, float]
 Shift = dict[str, tuple[list[np.ndarray], ...]]
@@ -39,12 +37,10 @@ class PredictedGain(NamedTuple):
     Args:
         gain: gain of log-likelihood after a full step.
         point: the values of its parameters.
-        acts: whether the errors change at all.
     """
 
     gain: float
     point: Point
-    acts: bool
 
 
 def predicted_gains(
@@ -121,7 +117,7 @@ def _difference(shift: Shift, baseline: Shift, per: float) -> Shift:
 def _gain_from(
     response: LinearResponse, effect: Effect, probe: _Probe, changes: list[np.ndarray]
 ) -> PredictedGain:
-    nothing = PredictedGain(0.0, probe.point, False)
+    nothing = PredictedGain(0.0, probe.point)
     if not all(np.all(np.isfinite(change)) for change in changes):
         return nothing
     own_change = [] if probe.near else [change[:, 0] for change in changes]
@@ -146,9 +142,7 @@ def _gain_from(
         problem = response.problem
         movable[: len(problem.free)] &= [n not in problem.nuisance for n in problem.free]
         gain = response.cost - response.after(q, movable, slopes, own_change, (low, high))
-    shown = np.diagonal(q.information)[size : size + len(probe.moved)]
-    acts = np.any(shown > 0) if probe.near else abs(float(q.cost) - response.cost) > IDLE_CHANGE
-    return PredictedGain(gain, probe.point, bool(acts))
+    return PredictedGain(gain, probe.point)
 
 
 def error_changes(response: LinearResponse, shifts: Sequence[Shift]) -> list[np.ndarray]:

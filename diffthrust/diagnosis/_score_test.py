@@ -45,12 +45,7 @@ def score_test(
 
     The square of the projected gradient, in units of the information, is divided by the scatter of
     the gradient over blocks of time in the same units: errors that last for less than a block raise
-    no alarm.
-
-    Args:
-        information: of all coordinates, ``(n, n)``.
-        scores: the gradient by blocks of time, ``(n, blocks)``.
-        base: the number of estimated coordinates, the first ones.
+    no alarm. Arguments as of `project_out`.
 
     Returns:
         The p-value, the one-step estimate of the coordinates, and its covariance.

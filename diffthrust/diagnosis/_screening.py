@@ -18,7 +18,6 @@ import numpy as np
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
 from diffthrust.diagnosis._predicted_gain import (
-    IDLE_CHANGE,
     Point,
     PredictedGain,
     acts,
@@ -38,6 +37,8 @@ _THRESHOLD_STEPS = 20
 """Numerics: steps across a threshold, where a search creeps."""
 _AT_NULL = 1e-6
 """Numerics: an effect closer to its null than this, in units of its scale, does nothing."""
+_IDLE_CHANGE = 1e-6
+"""Numerics: a point that changes the cost by less does nothing: rounding of a pass is below it."""
 _LARGEST_RISE = 0.25
 """Numerics: a probe that raises the cost by more than this times the number of samples is no start
 of a search."""
@@ -55,16 +56,9 @@ def screened(
 ) -> dict[str, TrialFit]:
     """The current model with each of some candidates, fitted for a few steps from its best probes.
 
-    Args:
-        fitter: the fits.
-        names: the candidates.
-        present: the current model.
-        levels: `levels_of` the signals.
-        fallback: values of the model's parameters from which probes are tried as well.
-        least: likelihood ratio that a candidate must promise.
-
-    Returns:
-        Trials by name, without the candidates that gain too little.
+    Without the candidates that promise less than the likelihood ratio ``least``, or gain too
+    little. Probes are given by ``levels`` of the signals (`levels_of`), and are also tried from the
+    values ``fallback`` of the model's parameters.
     """
     effects = [name for name in names if name not in fitter.constants]
     points = {name: probes(fitter.candidates[name], levels) for name in effects}
@@ -168,7 +162,7 @@ def _best_distant(
         return fitter.cost(effects, values, present.initial_states, present.clip)
 
     def moves(cost: float) -> bool:
-        return abs(cost - present.cost) > IDLE_CHANGE
+        return abs(cost - present.cost) > _IDLE_CHANGE
 
     tried = [(cost(point), point) for point in points]
     more = limits_near_edge(fitter.candidates[name], points, lambda point: moves(cost(point)))
@@ -241,16 +235,11 @@ def promising_constants(
 def _most_promising(fitter: CandidateFitter, gains: Mapping[str, float], least: float) -> list[str]:
     """Those whose predicted gain, a likelihood ratio, is worth a fit, the largest first."""
     of_best = SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0)
-    enough = max(least, _worth(fitter), of_best)
+    # an effect costs so much likelihood ratio at least
+    price = math.log(fitter.samples) + SETTINGS.admission.least_bic_gain
+    enough = max(least, SETTINGS.screening.least_share_of_price * price, of_best)
     ranked = sorted(gains, key=lambda n: -gains[n])
     return [n for n in ranked if gains[n] >= enough][: SETTINGS.screening.most_fitted]
-
-
-def _worth(fitter: CandidateFitter) -> float:
-    """The least predicted likelihood ratio that is worth a fit."""
-    return SETTINGS.screening.least_share_of_price * (
-        math.log(fitter.samples) + SETTINGS.admission.least_bic_gain
-    )
 
 
 def _gain_of_constant(fitter: CandidateFitter, response: LinearResponse, name: str) -> float:

@@ -122,7 +122,9 @@ class Refit:
             warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of a checked fit tell it
             chosen = FitOptions(**options)
             fitted = fit_records(model, *records, chosen, progress, self.first_substeps)
-        return _with_its_steps(fitted)
+        # unseen runs with the steps of the fit, too: stages compare by them
+        fit, _, unseen_runs = fitted
+        return fitted._replace(holdout_runs=with_steps(fit.model, unseen_runs, fit.substeps))
 
 
 def _to_that_of(
@@ -138,12 +140,6 @@ def _to_that_of(
     if like.horizon is None:
         return to_whole_runs(through)
     return (*(h for h in through if h is not None and h < like.horizon), like.horizon)
-
-
-def _with_its_steps(fitted: FitRuns) -> FitRuns:
-    """A fit whose unseen runs have its integrator steps, too, so that stages compare by them."""
-    fit, _, unseen_runs = fitted
-    return fitted._replace(holdout_runs=with_steps(fit.model, unseen_runs, fit.substeps))
 
 
 @dataclass(frozen=True)
@@ -204,10 +200,8 @@ class CurrentModel:
             kept = tuple(n for n in trial.effects if n != name)
             values = fitter.absent(name, trial.values)
             fewer = fitter.solve(kept, values, trial.initial_states, trial.clip, budget=12)
-            if (
-                fewer.predicted_gain > 0
-                and fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
-            ):
+            near = fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
+            if near and fewer.predicted_gain > 0:
                 fewer = fitter.further(fewer)
             self._without[name] = fewer
         return self._without[name]

@@ -192,10 +192,7 @@ class Programs:
     ) -> Problem:
         """The problem of the model with some effects at their nulls, with all constants freed.
 
-        Args:
-            effects: names of the effects.
-            records: the logs.
-            least: the least number of coordinates that can be estimated together.
+        At ``least`` so many coordinates can be estimated together.
         """
         model, free = self.model.free(*self.constants), len(self.constants)
         for name in self.candidates:

@@ -8,18 +8,16 @@ for jumps, with their sizes integrated out as those of curves are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._unknown_term.evidence import (
     LikelyCurve,
     largest_size,
     marginal_likelihood,
     projected_information,
 )
-from diffthrust.diagnosis._unknown_term.terms import PortSeries, Regressors, Term
+from diffthrust.diagnosis._unknown_term.terms import Regressors, Term
 
 _PLACES = 127
 """Numerics: places at which a jump is tried, with as many of the samples between any two; and as
@@ -27,27 +25,21 @@ many again about the likeliest. A jump placed wrongly by a fortieth of the range
 of its evidence."""
 
 
-def with_jump(
-    fitter: CandidateFitter, trial: TrialFit, regressors: Regressors, likely: LikelyCurve
-) -> LikelyCurve:
+def with_jump(trial: TrialFit, regressors: Regressors, likely: LikelyCurve) -> LikelyCurve:
     """A likely curve, with the evidence of the likeliest jump of its signal if that is more.
 
-    Args:
-        fitter: the fits in the innovations form.
-        trial: the trial beside which the curve is likely.
-        regressors: the signals of the logs along the trial.
-        likely: the curve; a wave, which has its shape already, is returned as it is.
+    A wave, which has its shape already, is returned as it is.
     """
     term = likely.term
     if term.is_linear:
         return likely
-    pooled = np.concatenate(term.signal_values)
+    pooled = term.pooled
     level = largest_size(term, [log[term.port] for log in regressors.current.ports])
     shares, spacing = np.linspace(0.0, 1.0, _PLACES + 2)[1:-1], 1.0 / (_PLACES + 1)
     best = 0.0
     for _ in range(2):
         places = np.unique(np.quantile(pooled, shares.clip(0.0, 1.0)))
-        evidence = _evidence_of_jumps(fitter, trial, term, places, level)
+        evidence = _evidence_of_jumps(trial, term, places, level)
         best = max(best, float(evidence.max()))
         likeliest = float(np.mean(pooled < places[evidence.argmax()]))
         shares = likeliest + spacing * np.linspace(-1.0, 1.0, _PLACES)
@@ -55,14 +47,10 @@ def with_jump(
     return likely._replace(evidence=max(likely.evidence, best - float(np.log(pooled.size))))
 
 
-def _evidence_of_jumps(
-    fitter: CandidateFitter, trial: TrialFit, term: Term, places: np.ndarray, level: float
-) -> np.ndarray:
+def _evidence_of_jumps(trial: TrialFit, term: Term, places: np.ndarray, level: float) -> np.ndarray:
     """The evidence of a jump at each place, beside a constant; ``(K,)``."""
-    series = PortSeries(
-        _steps(term.signal_values, term.factor_values, places),
-        _steps(term.signal_upcoming, term.factor_upcoming, places),
-    )
+    # a constant, and a step at each place
+    series = term.basis(lambda x: np.vstack([np.ones_like(x), x > places[:, None]]))
     ((information, gradient, unprojected),) = projected_information(trial, term.port, [series])
     pairs = ([0, k] for k in range(1, len(places) + 1))
     return np.array(
@@ -73,13 +61,3 @@ def _evidence_of_jumps(
             for pair in pairs
         ]
     )
-
-
-def _steps(
-    signals: Sequence[np.ndarray], factors: Sequence[np.ndarray] | None, places: np.ndarray
-) -> list[np.ndarray]:
-    """A constant, and a step at each place, along a signal and times its factor, log by log."""
-    rows = [np.vstack([np.ones_like(x), x > places[:, None]]) for x in signals]
-    if factors is None:
-        return rows
-    return [steps * factor for steps, factor in zip(rows, factors, strict=True)]

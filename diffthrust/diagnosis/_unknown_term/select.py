@@ -6,6 +6,7 @@ term may only have imitated it: they are put beside it, and eliminated if it doe
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
@@ -20,8 +21,7 @@ from diffthrust.diagnosis._innovations_fit import (
     with_values,
 )
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._missing import Remaining
-from diffthrust.diagnosis._residual_structure import downstream_ports
+from diffthrust.diagnosis._residual_structure import place_of
 from diffthrust.diagnosis._search_start import compiled_fitter, trial_substeps
 from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
@@ -60,18 +60,14 @@ def learned_law(
     Whole runs must surely be better with it, by the rule for effects (`matters`). Effects that were
     found without it are sought again beside it.
 
-    Args:
-        context: what the search worked with.
-        search: what it found without a law.
-        first: the trial of the model as given.
-
     Returns:
         What is missing beside the law, and the law.
     """
     state = search.state
     if state.current.remaining is None:
         return None
-    place, trial = _place(context, state.current.remaining), state.current.trial
+    place, trial = place_of(context.fitter, state.current.remaining.port), state.current.trial
+    assert place is not None  # the structure was found there
     initial, last = state.stages[0], state.stages[-1]
     base, law = initial, None
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
@@ -178,14 +174,6 @@ def _doubt(law: LearnedLaw) -> tuple[bool, float]:
     return not law.helps, law.reported.train.nrmse
 
 
-def _place(context: SearchContext, remaining: Remaining) -> DrivingPort:
-    """The place whose errors the structure explains."""
-    fitter = context.fitter
-    return next(
-        p for p in fitter.places if remaining.port in (p.port, *downstream_ports(fitter, p))
-    )
-
-
 def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
     """The terms that are worth a fit, the likeliest first; of equals the plainest first."""
     fitter, space = context.fitter, term_space(context.fitter, trial, place)
@@ -202,36 +190,29 @@ def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> l
     curves = [curve for curve in distinct if curve.evidence <= least]
 
     def sharpened(curve: LikelyCurve) -> LikelyCurve:
-        tuned = tune_memory(fitter, trial, space.regressors, curve)
-        return with_jump(fitter, trial, space.regressors, tuned)
+        tuned = tune_memory(trial, space.regressors, curve)
+        return with_jump(trial, space.regressors, tuned)
 
     curves += side_by_side(sharpened, near)
     tied = max(curve.evidence for curve in curves) - SETTINGS.unknown_term.indifferent_evidence
+    curves = [c for c in curves if c.evidence > SETTINGS.unknown_term.least_evidence]
     curves.sort(key=lambda curve: (_plainness(curve.term), -curve.evidence))
-    first = [curve for curve in curves if curve.evidence >= tied]
-    remaining = [curve for curve in curves if curve.evidence < tied]
-    remaining.sort(key=lambda curve: -curve.evidence)
-    return [
-        curve
-        for curve in (*first, *remaining)
-        if curve.evidence > SETTINGS.unknown_term.least_evidence
-    ]
+    # of those tied with the likeliest the plainest is first
+    curves.sort(key=lambda c: -c.evidence if c.evidence < tied else -math.inf)
+    return curves
 
 
 def rival_of(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
     """The likeliest term of another signal, if it is so close that whole runs may prefer it.
 
-    Args:
-        likely: the terms, the likeliest first.
-        sure: whether the likeliest is surely worth something over whole runs.
+    It must be closer where these are ``sure`` of the likeliest.
     """
     first = likely[0]
     rivals = (curve for curve in likely[1:] if curve.term.signal != first.term.signal)
     apart = [curve for curve in rivals if abs(curve.evidence - first.evidence) >= _SAME_EVIDENCE]
     rival = max(apart, key=lambda curve: curve.evidence, default=None)
-    least = (
-        SETTINGS.unknown_term.close_evidence if sure else SETTINGS.unknown_term.rival_evidence
-    ) * first.evidence
+    rule = SETTINGS.unknown_term
+    least = (rule.close_evidence if sure else rule.rival_evidence) * first.evidence
     return rival if rival and rival.evidence > least else None
 
 
@@ -263,12 +244,6 @@ def backward_elimination(
     All effects that were found without the law are put beside it. An effect is dropped if the
     information criterion does not support it or if it changes nothing over whole runs: the law is
     an estimate, and its small errors look like small effects.
-
-    Args:
-        context: what the search worked with.
-        search: its result without the law.
-        first: the trial of the model as given.
-        law: as it was learned, beside the model as given or beside all that was found.
     """
     context.say("what is missing beside what was learned", LEARNING)
     state = search.state
@@ -315,8 +290,8 @@ def _start_elimination(
 
 def _matters(fitter: CandidateFitter, trial: TrialFit, name: str) -> bool:
     """Whether whole runs are surely better by an effect beside all others of a trial."""
-    remaining = tuple(n for n in trial.effects if n != name)
-    return matters(change_between(fitter, fitted_without(fitter, trial, remaining), trial))
+    others = tuple(n for n in trial.effects if n != name)
+    return matters(change_between(fitter, fitted_without(fitter, trial, others), trial))
 
 
 def _restrict_to(
