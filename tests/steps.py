@@ -129,11 +129,12 @@ from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
 from diffthrust.diagnosis._periodic_stage import unexplained_line  # private: without a search
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     added,
+    edge_of,
     error_changes,
     predicted_gains,
+    probes,
     shift_of,
 )
-from diffthrust.diagnosis._probes import edge_of, probes  # private: points without a screen
 from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
     plainest_first,
@@ -246,7 +247,9 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     ranked_matches,
     with_companion,
 )
-from diffthrust.diagnosis._unknown_term.jumps import with_jump  # private: evidence of one term
+from diffthrust.diagnosis._unknown_term.evidence import (  # private: evidence of one term
+    with_jump,
+)
 from diffthrust.diagnosis._unknown_term.state_terms import (  # private: without a whole search
     library,
     state_terms,

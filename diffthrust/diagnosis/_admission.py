@@ -120,12 +120,8 @@ def without_idle(context: SearchContext, state: SearchState) -> SearchState:
     idle = idle_effects(stage, state.stages[-2].effects)
     if not idle:
         return state
-    values = trial.values
-    for name in idle:
-        values = fitter.absent(name, values)
-    kept = tuple(n for n in trial.effects if n not in idle)
-    settled = fitter.settled(kept, values, trial.initial_states, trial.clip)
-    why = {name: (Refusal.IDLE, kept) for name in idle}
+    settled = fitter.settled_without(trial, idle)
+    why = {name: (Refusal.IDLE, settled.effects) for name in idle}
     fewer = replace(
         state,
         current=CurrentModel(fitter, settled),

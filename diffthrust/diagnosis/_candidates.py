@@ -102,7 +102,11 @@ def candidates_of(
             )
         elif all(p.null is None for p in effect._parameters.values()):
             if effect.name in named:
-                raise _without_null(effect)
+                raise InputError(
+                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
+                    "at which value does it leave the model unchanged?",
+                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
+                )
             untestable[effect.name] = "no parameter of it has a null value"
         elif all(port in unseen for port in effect.ports):
             why = f" while the logs prescribe {listing(prescribed)}" if prescribed else ""
@@ -110,14 +114,6 @@ def candidates_of(
         else:
             tried.append(effect)
     return tried, untestable
-
-
-def _without_null(effect: Effect) -> InputError:
-    return InputError(
-        f"candidates: the effect {effect.name!r} has no parameter with a null value: "
-        "at which value does it leave the model unchanged?",
-        "Give one in its declaration, such as parameter(0.3, null=0.0).",
-    )
 
 
 def _takes_time(model: Model, effect: Effect, inputs: Collection[str]) -> bool:

@@ -305,7 +305,7 @@ def _exchanged(
     fitter, trial = context.fitter, state.current.trial
     (rival,) = (effect for effect in better.effects if effect not in state.stages[-1].effects)
     values = {**trial.values, **{n: p.value for n, p in better.fit.model.parameters.items()}}
-    values = fitter.absent(name, values)
+    values = fitter.absent((name,), values)
     effects = (*(n for n in trial.effects if n not in (name, rival)), rival)
     settled = fitter.settled(effects, values, None, trial.clip)
     return replace(

@@ -318,12 +318,22 @@ class CandidateFitter(Programs):
         problem = self.ready(effects).problem
         return cost(clip.on(problem.focus(self.moved(effects), values, initial_states)))
 
-    def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
-        """The values with one effect at its null, or one freed parameter at its fixed value."""
-        if effect in self.constants:
-            return {**values, effect: self.model.parameters[effect].value}
-        null = self.candidates[effect].at_null()
-        return {**values, **{f"{effect}.{n}": p.value for n, p in null._parameters.items()}}
+    def settled_without(self, trial: TrialFit, names: Collection[str]) -> TrialFit:
+        """A complete fit of a trial without some of its effects."""
+        kept = tuple(n for n in trial.effects if n not in names)
+        values = self.absent(names, trial.values)
+        return self.settled(kept, values, trial.initial_states, trial.clip)
+
+    def absent(self, names: Collection[str], values: Mapping[str, float]) -> dict[str, float]:
+        """The values with some effects at their nulls, or freed parameters as they were fixed."""
+        absent = dict(values)
+        for name in names:
+            if name in self.constants:
+                absent[name] = self.model.parameters[name].value
+            else:
+                null = self.candidates[name].at_null()._parameters
+                absent |= {f"{name}.{n}": p.value for n, p in null.items()}
+        return absent
 
     def readings(self, trial: TrialFit) -> list[dict[str, np.ndarray]]:
         """The signals at the ports of the given model, log by log."""

@@ -20,8 +20,7 @@ from itertools import combinations, product
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth, adds_little, explained_share
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._predicted_gain import Point
-from diffthrust.diagnosis._probes import probes
+from diffthrust.diagnosis._predicted_gain import Point, probes
 from diffthrust.diagnosis._screening import levels_of
 from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
@@ -190,7 +189,7 @@ def _proven_pair(
     first, second = trial.effects[-2:]
     alone = []
     for kept, absent in ((first, second), (second, first)):
-        starts = [context.fitter.absent(absent, trial.values)]
+        starts = [context.fitter.absent((absent,), trial.values)]
         starts += [singles[kept].values] if kept in singles else []
         single = runs.fitted((*last.effects, kept), starts, trial.clip)
         if _is_hopeless(runs, trials.base, single, trial):

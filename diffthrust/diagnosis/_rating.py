@@ -221,7 +221,7 @@ def better_noise(
         ) or is_at_null(fitter, trial)
         if not doubtful or candidate.delta_bic >= -SETTINGS.admission.least_bic_gain:
             continue
-        now, values = present.trial, fitter.absent(candidate.effect, trial.values)
+        now, values = present.trial, fitter.absent((candidate.effect,), trial.values)
         without = fitter.settled(now.effects, values, trial.initial_states, now.clip)
         if without.cost < now.cost - 0.5 * SETTINGS.admission.least_bic_gain:
             clipped = replace(now, clip=without.clip)

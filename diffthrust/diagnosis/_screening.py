@@ -21,9 +21,10 @@ from diffthrust.diagnosis._predicted_gain import (
     Point,
     PredictedGain,
     acts,
+    limits_near_edge,
     predicted_gains,
+    probes,
 )
-from diffthrust.diagnosis._probes import limits_near_edge, probes
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect

@@ -198,7 +198,7 @@ class CurrentModel:
         if name not in self._without:
             trial, fitter = self.trial, self.fitter
             kept = tuple(n for n in trial.effects if n != name)
-            values = fitter.absent(name, trial.values)
+            values = fitter.absent((name,), trial.values)
             fewer = fitter.solve(kept, values, trial.initial_states, trial.clip, budget=12)
             near = fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
             if near and fewer.predicted_gain > 0:

@@ -117,9 +117,7 @@ def _fitted(
     absent: Collection[str],
     values: Mapping[str, float],
 ) -> TrialFit:
-    for name in absent:
-        values = fitter.absent(name, values)
-    simulation = fitter.simulating()
+    values, simulation = fitter.absent(absent, values), fitter.simulating()
     return simulation.further(simulation.solve(effects, values, None, unclipped(fitter)))
 
 
@@ -145,8 +143,7 @@ def fitted_beside(
     ends = []
     for values in (trial_values, lacking):
         start: Mapping[str, float] = {**stage_values, **values}
-        for name in {*last.effects, *trial.effects} - {*effects}:
-            start = fitter.absent(name, start)
+        start = fitter.absent({*last.effects, *trial.effects} - {*effects}, start)
         ends.append(simulation.solve(effects, start, None, clip, _FEW, still))
     best = min(ends, key=lambda end: end.expected)
     return simulation.solve(effects, best.values, best.initial_states, clip, still=still)

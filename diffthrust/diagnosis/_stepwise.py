@@ -273,12 +273,8 @@ def _without_detectable(context: SearchContext, state: SearchState) -> SearchSta
     They must not take up the evidence of an effect that whole unseen runs prove: on the maps of a
     T200 a lag of the load cell, in a static table, took that of a weaker thrust astern.
     """
-    fitter, trial = context.fitter, state.current.trial
-    values = trial.values
-    for name in state.detectable:
-        values = fitter.absent(name, values)
-    kept = tuple(n for n in trial.effects if n not in state.detectable)
-    settled = fitter.settled(kept, values, trial.initial_states, trial.clip)
+    fitter = context.fitter
+    settled = fitter.settled_without(state.current.trial, state.detectable)
     return replace(state, current=CurrentModel(fitter, settled), detectable=())
 
 

@@ -180,7 +180,7 @@ def test_an_effect_at_its_null_is_idle(trials):
     values = {**base.values, "coulomb_friction.level": 20.0}
     there = made.solve(("coulomb_friction",), values, None, base.clip)
     assert not is_at_null(made, there)
-    assert is_at_null(made, replace(there, values=made.absent("coulomb_friction", there.values)))
+    assert is_at_null(made, replace(there, values=made.absent(["coulomb_friction"], there.values)))
 
 
 @pytest.mark.slow

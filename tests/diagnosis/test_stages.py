@@ -4,6 +4,7 @@ import itertools
 import math
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from hidden import sets
 from steps import (
     SCREENS,
     SETTINGS,
+    CandidateFitter,
     Clock,
     CurrentModel,
     FittedStage,
@@ -277,6 +279,13 @@ def test_beside_several_that_change_nothing_those_that_gained_are_screened_first
     assert state.detectable == tuple(name for name in "abc" if name != matters)
 
 
+def leaving_out(**ways):
+    """Fits of trials that can leave effects out, by given ways to fit."""
+    fitter = SimpleNamespace(**ways)
+    fitter.settled_without = partial(CandidateFitter.settled_without, fitter)
+    return fitter
+
+
 @pytest.mark.parametrize(
     ("name", "low", "unseen"),
     [("sag", 0.2, ("C",)), ("sag", 0.05, ("C",)), ("sag", 0.2, ()), ("lag", 0.05, ())],
@@ -293,7 +302,10 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     def settled(effects, values, states, clip):
         return SimpleNamespace(effects=effects, values=values, initial_states=states, clip=clip)
 
-    fitter = SimpleNamespace(settled=settled, absent=lambda name, values: {**values, name: 0.0})
+    def absent(names, values):
+        return {**values, **dict.fromkeys(names, 0.0)}
+
+    fitter = leaving_out(settled=settled, absent=absent)
     words = {"given": None, "unseen": unseen, "say": lambda *_: None}
     words["clock"] = lambda _: nullcontext()
     context = SimpleNamespace(fitter=fitter, **words)
@@ -315,7 +327,7 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     trials.are_of = lambda stage, programs: stage is last and programs is fitter
     assert from_simulation(context, ended).trials is trials
     assert len(made) == 1  # beside the same stage, with the same programs
-    other = SimpleNamespace(settled=settled, absent=fitter.absent)
+    other = leaving_out(settled=settled, absent=absent)
     from_simulation(SimpleNamespace(fitter=other, **words), ended)
     from_simulation(context, replace(ended, stages=(last, object())))
     assert len(made) == 3
@@ -867,8 +879,8 @@ def test_an_older_effect_that_a_fit_to_whole_runs_returns_to_its_null_leaves(
     trial = SimpleNamespace(
         effects=fitted.effects, values={"axial_flow.loss": 0.4}, initial_states=None, clip=None
     )
-    fitter = SimpleNamespace(
-        absent=lambda name, values: {**values, f"{name}.loss": 0.0},
+    fitter = leaving_out(
+        absent=lambda names, values: {**values, **{f"{name}.loss": 0.0 for name in names}},
         settled=lambda names, values, *further: SimpleNamespace(effects=names, values=values),
     )
     before = SimpleNamespace(effects=("axial_flow",), train=flowing(0.1, 0.5).train, holdout=None)

@@ -27,7 +27,12 @@ from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchCon
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
 from diffthrust.diagnosis._stage_fit import refitted_stage
-from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve, likely_curves, tune_memory
+from diffthrust.diagnosis._unknown_term.evidence import (
+    LikelyCurve,
+    likely_curves,
+    tune_memory,
+    with_jump,
+)
 from diffthrust.diagnosis._unknown_term.fit import (
     error_within,
     fit_curve,
@@ -36,7 +41,6 @@ from diffthrust.diagnosis._unknown_term.fit import (
     term_of,
 )
 from diffthrust.diagnosis._unknown_term.form_fits import try_closed_forms
-from diffthrust.diagnosis._unknown_term.jumps import with_jump
 from diffthrust.diagnosis._unknown_term.terms import (
     Term,
     product_terms,
@@ -300,11 +304,7 @@ def _restrict_to(
     """The state of the search without the law, with some of its effects only."""
     fitter, current = context.fitter, state.current.trial
     dropped = tuple(n for n in current.effects if n not in kept)
-    trial, values = first, dict(current.values)
-    if kept:
-        for name in dropped:
-            values = fitter.absent(name, values)
-        trial = fitter.settled(kept, values, current.initial_states, current.clip)
+    trial = fitter.settled_without(current, dropped) if kept else first
     state = replace(
         state,
         current=CurrentModel(fitter, trial),
