@@ -335,6 +335,10 @@ class CandidateFitter(Programs):
                 absent |= {f"{name}.{n}": p.value for n, p in null.items()}
         return absent
 
+    def sizes(self, trial: TrialFit) -> dict[str, float]:
+        """Standard deviations of the one-step errors of a trial, by channel."""
+        return dict(zip(self.channels, map(float, trial.quadratic.sigma), strict=True))
+
     def readings(self, trial: TrialFit) -> list[dict[str, np.ndarray]]:
         """The signals at the ports of the given model, log by log."""
         return [port_readings(self.model, path) for path in trial.path]

@@ -9,7 +9,7 @@ few steps from their best probes (`screened`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -86,9 +86,18 @@ def continued_beside(
     return _gaining(present, [*sizes], lambda name: _begun_at(fitter, name, present, sizes[name]))
 
 
-def _begun_at(fitter: CandidateFitter, name: str, present: TrialFit, point: Point) -> TrialFit:
+def _begun_at(
+    fitter: CandidateFitter,
+    name: str,
+    present: TrialFit,
+    point: Point,
+    budget: int = _FIRST_STEPS,
+    still: Collection[str] = (),
+) -> TrialFit:
+    """The current model with a candidate, fitted from a point for some steps."""
     effects, values = (*present.effects, name), {**present.values, **point}
-    return fitter.solve(effects, values, present.initial_states, present.clip, _FIRST_STEPS)
+    start, clip = present.initial_states, present.clip
+    return fitter.solve(effects, values, start, clip, budget, still)
 
 
 def _gaining(
@@ -109,12 +118,7 @@ def _effect_fit(
     fallback: Point | None,
 ) -> TrialFit | None:
     """The best fit of an effect from the two best of all its probes."""
-    effects = (*present.effects, name)
-
-    def followed(point: Point, budget: int) -> TrialFit:
-        values = {**present.values, **point}
-        return fitter.solve(effects, values, present.initial_states, present.clip, budget)
-
+    followed = partial(_begun_at, fitter, name, present)
     # next to the null the errors do not depend on a place or a direction: these parameters wait
     # until the effect has a size
     waiting = {
@@ -126,16 +130,14 @@ def _effect_fit(
     def risen(point: Point, budget: int) -> TrialFit:
         if not waiting:
             return followed(point, budget)
-        values, start = {**present.values, **point}, present.initial_states
-        sized = fitter.solve(effects, values, start, present.clip, _FIRST_STEPS, still=waiting)
-        return fitter.solve(effects, sized.values, sized.initial_states, sized.clip, budget)
+        return fitter.further(followed(point, still=waiting), budget)
 
     def gain(expected: float) -> float:
         return 2 * (present.cost - expected)
 
     least = SETTINGS.screening.least_promise
     starts = [(present.cost - promise.gain, promise.point) for promise in near]
-    distant = _best_distant(fitter, name, present, far, followed)
+    distant = _best_distant(fitter, name, present, far)
     silent = all(gain(expected) < SETTINGS.screening.threshold_promise for expected, _ in starts)
     if distant and silent:
         distant[0] = (min(distant[0][0], present.cost - least), distant[0][1])
@@ -153,7 +155,6 @@ def _best_distant(
     name: str,
     present: TrialFit,
     points: Sequence[Point],
-    followed: Callable[[Point, int], TrialFit],
 ) -> list[tuple[float, Point]]:
     """The two points of least cost far from the null, each with the cost that one step predicts."""
     effects = (*present.effects, name)
@@ -171,7 +172,7 @@ def _best_distant(
     highest = present.cost + _LARGEST_RISE * fitter.samples  # NaN and infinite costs fail the test
     tried = [(at, point) for at, point in tried if moves(at) and at < highest]
     chosen = sorted(tried, key=lambda pair: pair[0])[:2]
-    return [(followed(point, 1).expected, point) for _, point in chosen]
+    return [(_begun_at(fitter, name, present, p, 1).expected, p) for _, p in chosen]
 
 
 def fitted_from_fallback(

@@ -204,8 +204,7 @@ def still_refused(context: SearchContext, state: SearchState, name: str) -> Refu
 
 def simulation_is_poor(context: SearchContext, state: SearchState, last: Stage | Fit) -> bool:
     """Whether the whole-run errors of a stage or a fit are large and persistent."""
-    sigma = state.current.trial.quadratic.sigma
-    one_step = dict(zip(context.fitter.channels, map(float, sigma), strict=True))
+    one_step = context.fitter.sizes(state.current.trial)
     return bool(far_above_noise(last.holdout or last.train, one_step))
 
 

@@ -108,11 +108,9 @@ def holdout_error_within(fit: Fit, reference: Fit, factor: float) -> bool:
 
 def reaches_noise_floor(context: SearchContext, trial: TrialFit, fit: Fit) -> bool:
     """Whether whole runs err as little as the one-step predictions of a trial."""
-    sizes = dict(zip(context.fitter.channels, trial.quadratic.sigma, strict=True))
-    return all(
-        fit.train.channels[n].rmse <= SETTINGS.unknown_term.noise_floor * s
-        for n, s in sizes.items()
-    )
+    most = SETTINGS.unknown_term.noise_floor
+    sizes = context.fitter.sizes(trial)
+    return all(fit.train.channels[n].rmse <= most * size for n, size in sizes.items())
 
 
 def fit_curve(
