@@ -193,10 +193,6 @@ def _step(rows: Sequence[_Slopes], change: _Change) -> np.ndarray:
     return step / size
 
 
-def _after(row: _Slopes, change: _Change, step: np.ndarray) -> np.ndarray:
-    return row.errors - step @ _columns(row, change)
-
-
 def _best(rows: Sequence[_Slopes], places: Sequence[int], signals: Sequence[str]) -> _Change | None:
     """The change that leaves least of the squares; one in time unless another does clearly better.
 
@@ -240,6 +236,6 @@ def _worth(rows: Sequence[_Slopes], change: _Change, step: np.ndarray) -> Worth:
     """The share of the squared errors that a change removes."""
     logs: dict[int, dict[str, BeforeAfter]] = {}
     for row in rows:
-        after = _after(row, change, step)
+        after = row.errors - step @ _columns(row, change)
         logs.setdefault(row.log, {})[row.channel] = BeforeAfter(row.measured, row.errors, after)
     return explained_share([*logs.values()])

@@ -210,6 +210,11 @@ class CandidateFitter(Programs):
         many = (len(self.candidates) + len(self.constants)) / SETTINGS.admission.priced_candidates
         return SETTINGS.admission.least_bic_gain + 2.0 * math.log(max(1.0, many))
 
+    @property
+    def unclipped(self) -> ResidualClip:
+        """No clip of the errors."""
+        return ResidualClip(np.full(len(self.channels), np.inf))
+
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
         named = self.ready(effects).problem.named
@@ -300,9 +305,7 @@ class CandidateFitter(Programs):
         """
         initial, named = values or {}, self.ready(effects).problem.named
         start = {n: initial.get(n, p.value) for n, p in named.items()}
-        clipped = self.settled(
-            effects, start, None, ResidualClip(np.full(len(self.channels), np.inf))
-        )
+        clipped = self.settled(effects, start, None, self.unclipped)
         widened = replace(clipped, clip=replace(clipped.clip, reach=WIDE))
         wide = self.further(widened, budget=_LONG)
         return wide if wide.cost < clipped.cost - REAL else clipped

@@ -131,7 +131,12 @@ def dependence_of(
     """
     rows = np.concatenate([basis.T for basis in series])
     values = np.concatenate(signal)
-    block = np.concatenate([i * _TIME_BLOCKS + _block_of(s.size) for i, s in enumerate(signal)])
+    block = np.concatenate(
+        [
+            _TIME_BLOCKS * i + np.arange(s.size) * _TIME_BLOCKS // s.size
+            for i, s in enumerate(signal)
+        ]
+    )
     finite = np.isfinite(values)
     rows, values, block = rows[finite], values[finite], block[finite]
     if values.size <= knots.size or not np.ptp(values) > 0:
@@ -151,10 +156,6 @@ def dependence_of(
     means, errors = np.where(blind, np.nan, means), np.where(blind, np.nan, errors)
     share = 1.0 - float(np.var(residual) / np.var(values))
     return Dependence(share, (knots, means, errors))
-
-
-def _block_of(samples: int) -> np.ndarray:
-    return np.arange(samples) * _TIME_BLOCKS // samples
 
 
 def _smoothed_runs(

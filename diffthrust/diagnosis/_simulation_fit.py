@@ -103,22 +103,18 @@ def fitted_to_runs(
 ) -> TrialFit:
     """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
     names = last.effects if effects is None else tuple(effects)
-    return _fitted(fitter, names, {*last.effects} - {*names}, values_of(fitter, last))
+    return fitted_from(fitter, values_of(fitter, last), last.effects, names)
 
 
-def fitted_without(fitter: CandidateFitter, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
-    """The model of a trial, or with fewer effects, fitted to whole runs from its values."""
-    return _fitted(fitter, effects, {*trial.effects} - {*effects}, trial.values)
-
-
-def _fitted(
+def fitted_from(
     fitter: CandidateFitter,
-    effects: Sequence[str],
-    absent: Collection[str],
     values: Mapping[str, float],
+    present: Sequence[str],
+    effects: Sequence[str],
 ) -> TrialFit:
-    values, simulation = fitter.absent(absent, values), fitter.simulating()
-    return simulation.further(simulation.solve(effects, values, None, unclipped(fitter)))
+    """The model with some effects, of those present at some values, fitted to whole runs."""
+    start, simulation = fitter.absent({*present} - {*effects}, values), fitter.simulating()
+    return simulation.further(simulation.solve(effects, start, None, fitter.unclipped))
 
 
 def fitted_beside(
@@ -139,7 +135,7 @@ def fitted_beside(
     lacking = {
         n: v for n, v in trial_values.items() if n in still or n not in last.fit.model.parameters
     }
-    simulation, clip = fitter.simulating(), unclipped(fitter)
+    simulation, clip = fitter.simulating(), fitter.unclipped
     ends = []
     for values in (trial_values, lacking):
         start: Mapping[str, float] = {**stage_values, **values}
@@ -199,7 +195,3 @@ def values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
     values = {n: p.value for n, p in program.problem.named.items()}
     fitted = {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
     return {**values, **fitted}
-
-
-def unclipped(fitter: CandidateFitter) -> ResidualClip:
-    return ResidualClip(np.full(len(fitter.channels), np.inf))

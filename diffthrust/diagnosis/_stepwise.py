@@ -30,7 +30,6 @@ from diffthrust.diagnosis._simulation_fit import (
     Runs,
     SimulationTrials,
     share_between,
-    unclipped,
     values_of,
 )
 from diffthrust.diagnosis._verdict import far_above_noise
@@ -285,7 +284,7 @@ def _trials(context: SearchContext, state: SearchState) -> SimulationTrials:
     """
     fitter, last = context.fitter, state.stages[-1]
     runs = Runs(fitter, context.given)
-    near = runs.near(last.effects, values_of(fitter, last), unclipped(fitter))
+    near = runs.near(last.effects, values_of(fitter, last), fitter.unclipped)
     names = [n for n in (*fitter.candidates, *fitter.constants) if n not in last.effects]
     started = screened(runs.fitter, names, near, levels_of(fitter, near))
     untried = [n for n in names if n not in started and n not in fitter.constants]

@@ -346,7 +346,7 @@ def test_whole_runs_try_constants_too_from_all_numbers_of_the_model(monkeypatch)
 
     class Fitter:
         candidates = {"wind": SimpleNamespace(of_user=False)}
-        constants, least_gain = ("bow.slew_time",), 4.0
+        constants, least_gain, unclipped = ("bow.slew_time",), 4.0, None
 
         def settled(self, effects, values, states, clip):
             starts.append((effects, values))
@@ -359,7 +359,6 @@ def test_whole_runs_try_constants_too_from_all_numbers_of_the_model(monkeypatch)
         "runs_lead": lambda *_: False,
         "Runs": lambda *_: runs,
         "values_of": lambda *_: {},
-        "unclipped": lambda *_: None,
         "levels_of": lambda *_: {},
         "screened": lambda of, names, *_: screens.append(names) or {"bow.slew_time": single},
         "share_between": lambda *_: Worth(0.9, 0.8, 0.95),

@@ -25,7 +25,7 @@ from diffthrust.diagnosis._residual_structure import place_of
 from diffthrust.diagnosis._search_start import compiled_fitter, trial_substeps
 from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
+from diffthrust.diagnosis._simulation_fit import change_between, fitted_from
 from diffthrust.diagnosis._stage_fit import refitted_stage
 from diffthrust.diagnosis._unknown_term.evidence import (
     LikelyCurve,
@@ -259,7 +259,7 @@ def backward_elimination(
     current = drop(fitter, SearchState(current, state.stages[:1], {})).current
     trial = current.trial
     if trial.effects:
-        trial = fitted_without(fitter, trial, trial.effects)
+        trial = fitted_from(fitter, trial.values, trial.effects, trial.effects)
     relevant = {n for n in trial.effects if n in fitter.constants or _matters(fitter, trial, n)}
     kept = tuple(n for n in names if n in relevant)
     superfluous = tuple(n for n in names if n not in relevant)
@@ -295,7 +295,8 @@ def _start_elimination(
 def _matters(fitter: CandidateFitter, trial: TrialFit, name: str) -> bool:
     """Whether whole runs are surely better by an effect beside all others of a trial."""
     others = tuple(n for n in trial.effects if n != name)
-    return matters(change_between(fitter, fitted_without(fitter, trial, others), trial))
+    without = fitted_from(fitter, trial.values, trial.effects, others)
+    return matters(change_between(fitter, without, trial))
 
 
 def _restrict_to(
