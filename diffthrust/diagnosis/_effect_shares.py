@@ -19,8 +19,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from diffthrust.diagnosis._admission import record_stage
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import missed, no_better
@@ -29,8 +27,8 @@ from diffthrust.diagnosis._explained_share import (
     adds_little,
     matters,
     negligible,
-    shares_of_steps,
     sure_share,
+    worths_of,
 )
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._stage_fit import (
@@ -40,8 +38,6 @@ from diffthrust.diagnosis._stage_fit import (
     worth_between,
 )
 from diffthrust.models._base.model import Model
-
-_Errors = list[dict[str, tuple[np.ndarray, ...]]]
 
 
 class _Part(NamedTuple):
@@ -61,11 +57,11 @@ def shares_by_effect(stages: Sequence[FittedStage]) -> dict[str, Worth]:
         return {}
     trained = errors_between(*(stage.runs for stage in stages))
     unseen = errors_between(*(stage.unseen_runs for stage in stages))
-    worths = _shares(trained, unseen, parts)
+    worths = worths_of(trained, unseen, [part.steps for part in parts])
     while len(parts) > 1 and (harming := [k for k, worth in enumerate(worths) if _harms(worth)]):
         k = min(harming[0], len(parts) - 2)
         parts[k : k + 2] = [_Part(*(a + b for a, b in zip(*parts[k : k + 2], strict=True)))]
-        worths = _shares(trained, unseen, parts)
+        worths = worths_of(trained, unseen, [part.steps for part in parts])
     return {
         name: replace(worth, together=part.names if len(part.names) > 1 else ())
         for part, worth in zip(parts, worths, strict=True)
@@ -88,16 +84,6 @@ def _parts(stages: Sequence[FittedStage]) -> Iterator[_Part]:
         steps = (*(step for part in replaced for step in part.steps), k)
         parts = [*(part for part in parts if part not in replaced), _Part(tuple(names), steps)]
     yield from (part for part in parts if part.names)
-
-
-def _shares(trained: _Errors, unseen: _Errors, parts: Sequence[_Part]) -> list[Worth]:
-    """The shares of the parts: of unseen logs if there are any, and beside these of all logs."""
-    steps = [part.steps for part in parts]
-    worths = shares_of_steps(unseen or trained, steps)
-    if not unseen:
-        return worths
-    of_all = shares_of_steps([*trained, *unseen], steps)
-    return [replace(worth, everywhere=joint) for worth, joint in zip(worths, of_all, strict=True)]
 
 
 # -- beside all others -----------------------------------------------------------------------------

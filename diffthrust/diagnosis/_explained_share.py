@@ -144,9 +144,20 @@ def worth_of(
     unseen: Sequence[Mapping[str, Sequence[np.ndarray]]],
 ) -> Worth:
     """The `explained_share` of unseen logs if there are any, and beside it that of all logs."""
+    return worths_of(trained, unseen, [[1]])[0]
+
+
+def worths_of(
+    trained: Sequence[Mapping[str, Sequence[np.ndarray]]],
+    unseen: Sequence[Mapping[str, Sequence[np.ndarray]]],
+    steps: Sequence[Sequence[int]],
+) -> list[Worth]:
+    """The `shares_of_steps` of unseen logs if there are any, and beside these those of all logs."""
+    worths = shares_of_steps(unseen or trained, steps)
     if not unseen:
-        return explained_share(trained)
-    return replace(explained_share(unseen), everywhere=explained_share([*trained, *unseen]))
+        return worths
+    of_all = shares_of_steps([*trained, *unseen], steps)
+    return [replace(worth, everywhere=joint) for worth, joint in zip(worths, of_all, strict=True)]
 
 
 def shares_of_steps(

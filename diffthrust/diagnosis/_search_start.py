@@ -96,9 +96,7 @@ def start_search(
         windows = trial_windows(first.model, fitted.runs)
         fitter, trial = compiled_fitter(first, effects, constants, train, unseen, windows)
     mend_first = any(doubt.contrary for doubt in first.doubts)
-    context = SearchContext(
-        first.model, fitter, tuple(unseen), refit, guess, say, clock, mend_first
-    )
+    context = SearchContext(first.model, fitter, tuple(unseen), refit, guess, say, mend_first)
     stage = FittedStage((), *fitted)
     return context, SearchState(CurrentModel(fitter, trial), (stage,), untestable)
 

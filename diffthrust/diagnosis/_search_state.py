@@ -153,7 +153,6 @@ class SearchContext:
         refit: fits a model to whole runs.
         guess: values from which the first fit started.
         say: is called with the progress.
-        clock: measures the time of each kind of work.
         mend_first: whether a sign or an exchange of channels is doubted in the logs.
     """
 
@@ -163,8 +162,12 @@ class SearchContext:
     refit: Refit
     guess: Mapping[str, float]
     say: Progress
-    clock: Clock
     mend_first: bool = False
+
+    @property
+    def clock(self) -> Clock:
+        """Measures the time of each kind of work."""
+        return self.refit.clock
 
     @property
     def records(self) -> Sequence[Record]:

@@ -273,7 +273,7 @@ def test_trials_take_as_many_integrator_steps_as_the_last_stage_needs():
     refit = Refit(train, unseen, {"seed": 0}, Clock())
     first, stage = FittedStage((), *refit(given)), FittedStage((effect,), *refit(truth, starts=1))
     coarse = CandidateFitter(given, [dft.effects.EFFECTS[effect]()], train, unseen, 1)
-    context = SearchContext(given, coarse, unseen, refit, {}, lambda *_: None, Clock())
+    context = SearchContext(given, coarse, unseen, refit, {}, lambda *_: None)
     current = CurrentModel(coarse, settled_trial(coarse, effect))
     state = SearchState(current, (first, stage), {})
 
