@@ -37,6 +37,10 @@ class BeforeAfter(NamedTuple):
     after: np.ndarray
 
 
+ErrorsByLog = Sequence[Mapping[str, Sequence[np.ndarray]]]
+"""By log and channel what was measured, and the errors of one model after the other; ``(T,)``."""
+
+
 @dataclass(frozen=True)
 class Worth:
     """Share of the squared whole-run error that an effect removes, of unseen logs if there are any.
@@ -123,12 +127,8 @@ def share_words(share: float) -> str:
     return f"-{percent(-share)}" if share < 0 else percent(share)
 
 
-def explained_share(logs: Sequence[Mapping[str, Sequence[np.ndarray]]], seed: int = 0) -> Worth:
+def explained_share(logs: ErrorsByLog, seed: int = 0) -> Worth:
     """The share of the squared errors that a change removes, with its interval.
-
-    Args:
-        logs: for each log and channel what was measured, and the errors before and after.
-        seed: of the bootstrap.
 
     Example:
         >>> error = np.random.default_rng(0).standard_normal(500)
@@ -139,18 +139,13 @@ def explained_share(logs: Sequence[Mapping[str, Sequence[np.ndarray]]], seed: in
     return shares_of_steps(logs, [[1]], seed)[0]
 
 
-def worth_of(
-    trained: Sequence[Mapping[str, Sequence[np.ndarray]]],
-    unseen: Sequence[Mapping[str, Sequence[np.ndarray]]],
-) -> Worth:
+def worth_of(trained: ErrorsByLog, unseen: ErrorsByLog) -> Worth:
     """The `explained_share` of unseen logs if there are any, and beside it that of all logs."""
     return worths_of(trained, unseen, [[1]])[0]
 
 
 def worths_of(
-    trained: Sequence[Mapping[str, Sequence[np.ndarray]]],
-    unseen: Sequence[Mapping[str, Sequence[np.ndarray]]],
-    steps: Sequence[Sequence[int]],
+    trained: ErrorsByLog, unseen: ErrorsByLog, steps: Sequence[Sequence[int]]
 ) -> list[Worth]:
     """The `shares_of_steps` of unseen logs if there are any, and beside these those of all logs."""
     worths = shares_of_steps(unseen or trained, steps)
@@ -161,20 +156,13 @@ def worths_of(
 
 
 def shares_of_steps(
-    logs: Sequence[Mapping[str, Sequence[np.ndarray]]],
-    steps: Sequence[Sequence[int]],
-    seed: int = 0,
+    logs: ErrorsByLog, steps: Sequence[Sequence[int]], seed: int = 0
 ) -> list[Worth]:
     """The shares of the first model's squared errors that steps from model to model remove.
 
     All are shares of one whole: those of different steps add up to what all of them remove.
 
-    Args:
-        logs: for each log and channel what was measured, and the errors of one model after the
-            other; ``(T,)`` each.
-        steps: for each share the steps that it is of: step 1 leads from the first model to the
-            second.
-        seed: of the bootstrap.
+    Each share is of some steps: step 1 leads from the first model to the second.
 
     Example:
         >>> error = np.random.default_rng(0).standard_normal(500)
@@ -344,9 +332,7 @@ def sure_share(worth: Worth) -> SureShare | None:
 # -- squared errors by blocks, and draws of them ---------------------------------------------------
 
 
-def _table(
-    logs: Sequence[Mapping[str, Sequence[np.ndarray]]], names: Sequence[str]
-) -> list[np.ndarray]:
+def _table(logs: ErrorsByLog, names: Sequence[str]) -> list[np.ndarray]:
     """For each log the squared errors of its blocks, ``(blocks, channels, models)``.
 
     In units of the variance of each channel and of its number of samples.
