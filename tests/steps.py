@@ -103,6 +103,7 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
     LearnedLaw,
     TriedForm,
 )
+from diffthrust.diagnosis._linear_response import project_out, score_test  # private: the test alone
 from diffthrust.diagnosis._mended import MeasuredMend, mends_lead  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
@@ -186,7 +187,6 @@ from diffthrust.diagnosis._residual_structure import (  # private: the basis of 
     knots_of,
     scores_at_port,
 )
-from diffthrust.diagnosis._score_test import project_out, score_test  # private: the test alone
 from diffthrust.diagnosis._screening import (  # private: the screen alone
     continued_beside,
     fitted_from_fallback,

@@ -13,7 +13,7 @@ import numpy as np
 
 from diffthrust.diagnosis._findings import HeldValue, Refusal, Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._score_test import without_overflow
+from diffthrust.diagnosis._linear_response import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import nrmse

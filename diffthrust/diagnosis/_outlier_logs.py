@@ -19,7 +19,7 @@ from diffthrust.comparison._agreement import beside_others, outstanding
 from diffthrust.diagnosis._beyond_others import beyond_others
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._score_test import without_overflow
+from diffthrust.diagnosis._linear_response import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._laws import TAIL, Law
 from diffthrust.estimation._one_step import Pass, passes, settled_start

@@ -20,9 +20,8 @@ import numpy as np
 from diffthrust._support.lag import lagged
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._linear_response import ABREAST
+from diffthrust.diagnosis._linear_response import ABREAST, score_test
 from diffthrust.diagnosis._missing import Remaining, SignalForm, after_effects
-from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.models._base.effect import Effect
 from diffthrust.simulation._linearise import slopes_at

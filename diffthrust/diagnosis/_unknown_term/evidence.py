@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._score_test import project_out
+from diffthrust.diagnosis._linear_response import project_out
 from diffthrust.diagnosis._unknown_term.terms import PortSeries, Regressors, Term, term_along
 from diffthrust.effects._curve import Curve
 from diffthrust.models._base.made_effect import ARRIVING
