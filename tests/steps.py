@@ -48,6 +48,7 @@ from diffthrust.diagnosis._criteria import (  # private: each criterion alone
     missed,
     no_better,
     noises,
+    simulation_errors,
     wald,
 )
 from diffthrust.diagnosis._effect_shares import shares_by_effect  # private: made by hand
@@ -75,7 +76,6 @@ from diffthrust.diagnosis._explained_share import (  # private: the share and it
     Worth,
     explained_share,
     harms,
-    helps,
     matters,
     negligible,
     sure_share,
@@ -103,6 +103,7 @@ from diffthrust.diagnosis._learned import (  # private: a law without a diagnosi
     LearnedLaw,
     TriedForm,
 )
+from diffthrust.diagnosis._linear_response import project_out, score_test  # private: the test alone
 from diffthrust.diagnosis._mended import MeasuredMend, mends_lead  # private: made by hand
 from diffthrust.diagnosis._missing import (  # private: made by hand
     Missing,
@@ -129,11 +130,12 @@ from diffthrust.diagnosis._outlier_logs import (  # private: the test alone
 from diffthrust.diagnosis._periodic_stage import unexplained_line  # private: without a search
 from diffthrust.diagnosis._predicted_gain import (  # private: worked out, not fitted
     added,
+    edge_of,
     error_changes,
     predicted_gains,
+    probes,
     shift_of,
 )
-from diffthrust.diagnosis._probes import edge_of, probes  # private: points without a screen
 from diffthrust.diagnosis._rating import (  # private: one step alone
     other_values,
     plainest_first,
@@ -185,7 +187,6 @@ from diffthrust.diagnosis._residual_structure import (  # private: the basis of 
     knots_of,
     scores_at_port,
 )
-from diffthrust.diagnosis._score_test import project_out, score_test  # private: the test alone
 from diffthrust.diagnosis._screening import (  # private: the screen alone
     continued_beside,
     fitted_from_fallback,
@@ -212,14 +213,13 @@ from diffthrust.diagnosis._simulation_fit import (  # private: without a diagnos
     change_between,
     fitted_beside,
     fitted_to_runs,
-    simulation_fitter,
 )
 from diffthrust.diagnosis._spectral_line import (  # private: spectra without a search
     height_at,
     height_over_turns,
     strongest_line,
 )
-from diffthrust.diagnosis._stage_fit import worths_between  # private: of two stages
+from diffthrust.diagnosis._stage_fit import worth_between  # private: of two stages
 from diffthrust.diagnosis._stepwise import (  # private: one step alone
     SCREENS,
     done,
@@ -243,11 +243,13 @@ from diffthrust.diagnosis._unknown_term.closed_forms import (  # private: forms 
     as_estimated,
     as_formula,
     best_match,
-    form_values,
+    parameter_names,
     ranked_matches,
     with_companion,
 )
-from diffthrust.diagnosis._unknown_term.jumps import with_jump  # private: evidence of one term
+from diffthrust.diagnosis._unknown_term.evidence import (  # private: evidence of one term
+    with_jump,
+)
 from diffthrust.diagnosis._unknown_term.state_terms import (  # private: without a whole search
     library,
     state_terms,

@@ -9,11 +9,7 @@ from functools import partial
 from typing import TypeGuard
 
 from diffthrust.diagnosis._criteria import criterion, missed, no_better, price_of, unseen_gain
-from diffthrust.diagnosis._explained_share import (
-    matters,
-    negligible,
-    surely_less,
-)
+from diffthrust.diagnosis._explained_share import matters, negligible, surely_less
 from diffthrust.diagnosis._findings import Refusal, Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter
 from diffthrust.diagnosis._rating import Tried
@@ -28,7 +24,7 @@ from diffthrust.diagnosis._stage_fit import (
     fitted_to_its_end,
     refitted_stage,
     stage_effects,
-    worths_between,
+    worth_between,
 )
 
 
@@ -38,14 +34,9 @@ def admit(
     """Add an effect, or return the reason for its refusal.
 
     An effect that matters over whole runs gets a stage of its own, any other that is accepted is
-    recorded as detectable. A state with neither means that the effect proved superfluous.
-
-    Args:
-        context: what the search works with.
-        state: the search so far.
-        tried: the effect.
-        proven: whole unseen runs support the effect. Their one-step errors, in which random forces
-            can take its place, are then not consulted.
+    recorded as detectable. A state with neither means that the effect proved superfluous. Where
+    whole unseen runs support it (``proven``), their one-step errors, in which random forces can
+    take its place, are not consulted.
     """
     fitter, current, (candidate, trial) = context.fitter, state.current, tried
     context.say(f"stage {state.number + 1}: {candidate.effect} in whole runs", state.share(0.5))
@@ -79,13 +70,8 @@ def _fitted_and_recorded(
 
     Where the last stage needs many integrator steps, with few first, and to its end only if it is
     kept: beside the dead band of a Kingfisher, which needs 16 a sample, five effects were found
-    detectable in a minute or two each, as 2 show as well.
-
-    Args:
-        context: what the search works with.
-        state: the search, with the effect.
-        name: the effect.
-        undropped: the same without effects dropped, if any were, for runs that err more without.
+    detectable in a minute or two each, as 2 show as well. Where effects were dropped, and runs err
+    more without them, the search with all (``undropped``) goes on.
     """
     last = state.stages[-1]
     few = few_substeps(last.fit, context.records)
@@ -134,12 +120,8 @@ def without_idle(context: SearchContext, state: SearchState) -> SearchState:
     idle = idle_effects(stage, state.stages[-2].effects)
     if not idle:
         return state
-    values = trial.values
-    for name in idle:
-        values = fitter.absent(name, values)
-    kept = tuple(n for n in trial.effects if n not in idle)
-    settled = fitter.settled(kept, values, trial.initial_states, trial.clip)
-    why = {name: (Refusal.IDLE, kept) for name in idle}
+    settled = fitter.settled_without(trial, idle)
+    why = {name: (Refusal.IDLE, settled.effects) for name in idle}
     fewer = replace(
         state,
         current=CurrentModel(fitter, settled),
@@ -168,7 +150,7 @@ def reject_if_negligible(
     with context.clock("whole runs"):
         baseline = fitted_to_runs(fitter, last)
         change = change_between(fitter, baseline, fitted_beside(fitter, last, present, names))
-    if not negligible(change.worth, change.everywhere):
+    if not negligible(change):
         return None
     return replace(state, detectable=(*state.detectable, name))
 
@@ -187,7 +169,7 @@ def reject_if_unborne(context: SearchContext, state: SearchState, name: str) -> 
         baseline = fitted_to_runs(fitter, last)
         moved = fitted_beside(fitter, last, state.current.trial, names, still=[name])
         change = change_between(fitter, baseline, moved)
-    return None if surely_less(change.everywhere) else Refusal.NO_BETTER_RUNS
+    return None if surely_less(change.of_all) else Refusal.NO_BETTER_RUNS
 
 
 def record_stage(
@@ -196,10 +178,10 @@ def record_stage(
     """Record the newly fitted effect as a stage, or as only detectable."""
     last = state.stages[-1]
     without = [share for share in state.stages if {*share.effects} <= {*fitted.effects} - {name}]
-    worth, everywhere = worths_between(without[-1], fitted)
+    worth = worth_between(without[-1], fitted)
     constant = name in context.fitter.constants  # a wrong constant biases all effects
     in_place_of_others = not {*last.effects} <= {*fitted.effects}
-    if constant or matters(worth, everywhere) or in_place_of_others:
+    if constant or matters(worth) or in_place_of_others:
         return replace(state, stages=(*state.stages, fitted))
     return replace(state, detectable=(*state.detectable, name))
 
@@ -222,10 +204,7 @@ def comparable(context: SearchContext, present: CurrentModel, tried: Tried) -> b
         gain_beside = gain_of(fitter, trial, remaining)
     price = price_of(fitter, trial) + fitter.least_gain
     kept = candidate.likelihood_ratio - (remaining.gain - gain_beside)
-    return kept > max(
-        SETTINGS.admission.least_share_kept * candidate.likelihood_ratio,
-        price,
-    )
+    return kept > max(SETTINGS.admission.least_share_kept * candidate.likelihood_ratio, price)
 
 
 def drop(fitter: CandidateFitter, state: SearchState) -> SearchState:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from diffthrust.diagnosis._explained_share import matters, surely_less
 from diffthrust.diagnosis._search_state import SOUGHT, FittedStage, SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._stage_fit import worths_between
+from diffthrust.diagnosis._stage_fit import worth_between
 from diffthrust.effects import EFFECTS
 from diffthrust.estimation._result import Fit
 
@@ -53,8 +53,8 @@ def _gains(context: SearchContext, last: FittedStage, names: Sequence[str]) -> b
     freed = _without(context, last, names)
     if not (freed.fit.status.ok and math.isfinite(freed.train.nrmse)):
         return None
-    worth, everywhere = worths_between(last, freed)
-    return matters(worth, everywhere) or surely_less(everywhere)
+    worth = worth_between(last, freed)
+    return matters(worth) or surely_less(worth.of_all)
 
 
 def _falls_short(

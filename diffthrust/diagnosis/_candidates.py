@@ -56,17 +56,46 @@ def candidates_of(
     unseen = unseen_at(model, records[0], measured)
     prescribed = [name for name in model.states if name in records[0].inputs]
     timeless = are_tables(records)
+
+    def why_not(effect: Effect) -> str:
+        """Why an effect that acts where these logs have something cannot be tried; "" if it can."""
+        is_named = effect.name in named
+        if lacking := [name for name in effect.needs if name not in inputs]:
+            return f"needs the channel {listing(lacking)}, which no log has"
+        # the trials of an effect read what reaches the model without it
+        if unread := [name for name in effect.needs if name not in passed]:
+            return (
+                f"reads the channel {listing(unread)}, which the model {model.name} does not take"
+            )
+        if all(p in model.outputs and p not in measured for p in effect.ports):
+            return f"the channel {listing(effect.ports)} is not measured"
+        if not is_named and (absent := _absent_signal(model, effect, inputs)):
+            return f"reads the signal {absent}, which the model does not have"
+        if timeless and _takes_time(model, effect, inputs):
+            return TAKES_TIME
+        if remembered := [p for p in effect.ports if effect.memory and p in model.states]:
+            return f"reads the past of {listing(remembered)}, by which the trials correct the model"
+        if all(p.null is None for p in effect._parameters.values()):
+            if is_named:
+                raise InputError(
+                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
+                    "at which value does it leave the model unchanged?",
+                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
+                )
+            return "no parameter of it has a null value"
+        if all(port in unseen for port in effect.ports):
+            why = f" while the logs prescribe {listing(prescribed)}" if prescribed else ""
+            return f"nothing that is measured depends on it{why}"
+        return ""
+
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:
         elsewhere = [port for port in effect.ports if port not in places]
-        if effect.reads and not elsewhere and effect.name not in has:
-            effect = (model + effect).effects[-1]  # which knows what it needs there
-        lacking = [name for name in effect.needs if name not in inputs]
-        # the trials of an effect read what reaches the model without it
-        unread = [name for name in effect.needs if name not in passed]
         if effect.name in has:
             continue
+        if effect.reads and not elsewhere:
+            effect = (model + effect).effects[-1]  # which knows what it needs there
         if effect.name in model.parameters:  # each of these is a candidate by its own name
             if effect.name in named:
                 raise InputError(
@@ -75,47 +104,15 @@ def candidates_of(
                     "Give the effect another name.",
                 )
             untestable[effect.name] = "it is called like a parameter of the model"
-            continue
-        remembered = [p for p in effect.ports if effect.memory and p in model.states]
-        if elsewhere:
+        elif elsewhere:
             if effect.name in named:
                 _ = model + effect  # says what is wrong
                 untestable[effect.name] = f"needs the input {listing(elsewhere)}"
-            continue
-        if lacking:
-            untestable[effect.name] = f"needs the channel {listing(lacking)}, which no log has"
-        elif unread:
-            untestable[effect.name] = (
-                f"reads the channel {listing(unread)}, which the model {model.name} does not take"
-            )
-        elif all(p in model.outputs and p not in measured for p in effect.ports):
-            untestable[effect.name] = f"the channel {listing(effect.ports)} is not measured"
-        elif effect.name not in named and (absent := _absent_signal(model, effect, inputs)):
-            untestable[effect.name] = f"reads the signal {absent}, which the model does not have"
-        elif timeless and _takes_time(model, effect, inputs):
-            untestable[effect.name] = TAKES_TIME
-        elif remembered:
-            untestable[effect.name] = (
-                f"reads the past of {listing(remembered)}, by which the trials correct the model"
-            )
-        elif all(p.null is None for p in effect._parameters.values()):
-            if effect.name in named:
-                raise _without_null(effect)
-            untestable[effect.name] = "no parameter of it has a null value"
-        elif all(port in unseen for port in effect.ports):
-            why = f" while the logs prescribe {listing(prescribed)}" if prescribed else ""
-            untestable[effect.name] = f"nothing that is measured depends on it{why}"
+        elif why := why_not(effect):
+            untestable[effect.name] = why
         else:
             tried.append(effect)
     return tried, untestable
-
-
-def _without_null(effect: Effect) -> InputError:
-    return InputError(
-        f"candidates: the effect {effect.name!r} has no parameter with a null value: "
-        "at which value does it leave the model unchanged?",
-        "Give one in its declaration, such as parameter(0.3, null=0.0).",
-    )
 
 
 def _takes_time(model: Model, effect: Effect, inputs: Collection[str]) -> bool:

@@ -92,14 +92,10 @@ class _Change(NamedTuple):
 def changed_size(
     fit: Fit, added: Sequence[str], training: Sequence[Run], unseen: Sequence[Run]
 ) -> ChangedSize | None:
-    """The change of an added effect that most of the errors over whole runs are, if any.
+    """The change of an effect of a stage that most of the errors over whole runs are, if any.
 
-    Args:
-        fit: of the last stage.
-        added: names of its effects.
-        training: its runs over the training logs.
-        unseen: the same over the unseen ones. Without any nothing is said: of 60 single logs under
-            random forces of 10 s, 9 seemed to change.
+    Without unseen logs nothing is said: of 60 single logs under random forces of 10 s, 9 seemed to
+    change.
     """
     names = [name for name, estimate in fit.parameters.items() if not estimate.fixed]
     places = [i for i, name in enumerate(names) if name.rpartition(".")[0] in added]
@@ -197,10 +193,6 @@ def _step(rows: Sequence[_Slopes], change: _Change) -> np.ndarray:
     return step / size
 
 
-def _after(row: _Slopes, change: _Change, step: np.ndarray) -> np.ndarray:
-    return row.errors - step @ _columns(row, change)
-
-
 def _best(rows: Sequence[_Slopes], places: Sequence[int], signals: Sequence[str]) -> _Change | None:
     """The change that leaves least of the squares; one in time unless another does clearly better.
 
@@ -244,6 +236,6 @@ def _worth(rows: Sequence[_Slopes], change: _Change, step: np.ndarray) -> Worth:
     """The share of the squared errors that a change removes."""
     logs: dict[int, dict[str, BeforeAfter]] = {}
     for row in rows:
-        after = _after(row, change, step)
+        after = row.errors - step @ _columns(row, change)
         logs.setdefault(row.log, {})[row.channel] = BeforeAfter(row.measured, row.errors, after)
     return explained_share([*logs.values()])

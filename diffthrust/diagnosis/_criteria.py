@@ -7,13 +7,13 @@ import re
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._findings import HeldValue, Refusal
+from diffthrust.diagnosis._findings import HeldValue, Refusal, Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._score_test import without_overflow
+from diffthrust.diagnosis._linear_response import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._observer import is_memory
 from diffthrust.estimation._one_step import nrmse
@@ -75,17 +75,15 @@ def criterion(fitter: CandidateFitter, trial: TrialFit) -> float:
     present = [n for n in named if any(trial.values[gain] != 0 for gain in n.gains)]
     still = {p for n in named if n not in present for p in n.parameters}
     for noise in sorted(present, key=lambda n: max(abs(trial.values[gain]) for gain in n.gains)):
-        if (
-            wald(trial, noise.gains)
-            > SETTINGS.admission.certain_noise * len(noise.parameters) * price
-        ):
+        own_price = len(noise.parameters) * price
+        if wald(trial, noise.gains) > SETTINGS.admission.certain_noise * own_price:
             continue
         values = {**trial.values, **dict.fromkeys(noise.gains, 0.0)}
         fewer = still | {*noise.parameters}
         without = fitter.solve(
             trial.effects, values, trial.initial_states, trial.clip, _BUDGET, still=fewer
         )
-        if 2 * (without.cost - trial.cost) < len(noise.parameters) * price:
+        if 2 * (without.cost - trial.cost) < own_price:
             trial, still = without, fewer
     model_parameters = trial.count([n for n in trial.names if n not in fitter.nuisance])
     return 2 * trial.cost + price * (model_parameters + len(fitter.nuisance) - len(still))
@@ -128,7 +126,7 @@ def unseen_gain(fitter: CandidateFitter, baseline: TrialFit, updated: TrialFit) 
 
 def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, float | None]:
     """NRMSE of the uncorrected simulation, on training and on unseen logs."""
-    simulation = replace(trial, values={**trial.values, **fitter.programs.uncorrected})
+    simulation = replace(trial, values={**trial.values, **fitter.uncorrected})
     unseen = simulation.unseen
     return nrmse(simulation.at_values), None if unseen is None else nrmse(unseen)
 
@@ -136,25 +134,13 @@ def simulation_errors(fitter: CandidateFitter, trial: TrialFit) -> tuple[float, 
 # -- simulations over whole runs, against the evidence of one-step errors --------------------------
 
 
-class OverRuns(Protocol):
-    """Errors over whole training and unseen runs, such as those of a stage."""
-
-    @property
-    def train(self) -> Errors: ...
-
-    @property
-    def holdout(self) -> Errors | None: ...
-
-
-def missed(last: OverRuns, stage: OverRuns) -> bool:
+def missed(last: Stage, stage: Stage) -> bool:
     """Whether whole training runs get worse without an effect that one-step errors do not need."""
-    return (
-        statistics.geometric_mean(_growth(last.train, stage.train))
-        > SETTINGS.admission.most_joint_growth
-    )
+    growth = statistics.geometric_mean(_growth(last.train, stage.train))
+    return growth > SETTINGS.admission.most_joint_growth
 
 
-def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
+def no_better(last: Stage, stage: Stage) -> Refusal | None:
     """The refusal of a new stage whose whole-run errors have grown, else ``None``.
 
     Where those of every channel of the training logs have, the fit has not come to its optimum,
@@ -163,17 +149,14 @@ def no_better(last: OverRuns, stage: OverRuns) -> Refusal | None:
     """
     if not math.isfinite(stage.train.nrmse):
         return Refusal.FAILS
-    trained = _growth(last.train, stage.train)
-    if min(trained) > SETTINGS.admission.most_joint_growth:
+    rule, trained = SETTINGS.admission, _growth(last.train, stage.train)
+    if min(trained) > rule.most_joint_growth:
         return Refusal.TRAINING_RUNS
     if last.holdout is not None and stage.holdout is not None:
-        if stage.holdout.nrmse > SETTINGS.admission.most_unseen_growth * last.holdout.nrmse:
+        if stage.holdout.nrmse > rule.most_unseen_growth * last.holdout.nrmse:
             return Refusal.UNSEEN_RUNS
-        unseen = _growth(last.holdout, stage.holdout)
-        if (
-            math.prod(map(statistics.geometric_mean, (trained, unseen)))
-            > SETTINGS.admission.most_joint_growth
-        ):
+        both = trained, _growth(last.holdout, stage.holdout)
+        if math.prod(map(statistics.geometric_mean, both)) > rule.most_joint_growth:
             return Refusal.ALL_RUNS
     return None
 
@@ -192,10 +175,6 @@ def held_values(model: Model, trial: TrialFit) -> dict[str, HeldValue]:
 
     They come from the innovations form, whose standard errors hold under random forces. In whole
     runs the effect of these forces accumulates, and would be compensated by a wrong constant.
-
-    Args:
-        model: the model as it was given.
-        trial: the last trial.
     """
     errors = _standard_errors(trial)
     freed = {n: model.parameters[n] for n in trial.effects if n in model.parameters}

@@ -27,18 +27,17 @@ from diffthrust.diagnosis._explained_share import (
     adds_little,
     matters,
     negligible,
-    shares_of_steps,
     sure_share,
+    worths_of,
 )
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._stage_fit import (
     ended_worse,
     errors_between,
     refitted_stage,
-    worths_between,
+    worth_between,
 )
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._runs import Run
 
 
 class _Part(NamedTuple):
@@ -54,13 +53,15 @@ def shares_by_effect(stages: Sequence[FittedStage]) -> dict[str, Worth]:
     Effects that came in one stage have a joint share, and so has one without which another does
     harm. What came in the place of another effect has the share of both.
     """
-    parts = list(_parts(stages))
-    runs = [stage.runs for stage in stages], [stage.unseen_runs for stage in stages]
-    worths = shares_by_steps(*runs, [part.steps for part in parts])
+    if not (parts := list(_parts(stages))):
+        return {}
+    trained = errors_between(*(stage.runs for stage in stages))
+    unseen = errors_between(*(stage.unseen_runs for stage in stages))
+    worths = worths_of(trained, unseen, [part.steps for part in parts])
     while len(parts) > 1 and (harming := [k for k, worth in enumerate(worths) if _harms(worth)]):
         k = min(harming[0], len(parts) - 2)
         parts[k : k + 2] = [_Part(*(a + b for a, b in zip(*parts[k : k + 2], strict=True)))]
-        worths = shares_by_steps(*runs, [part.steps for part in parts])
+        worths = worths_of(trained, unseen, [part.steps for part in parts])
     return {
         name: replace(worth, together=part.names if len(part.names) > 1 else ())
         for part, worth in zip(parts, worths, strict=True)
@@ -85,28 +86,6 @@ def _parts(stages: Sequence[FittedStage]) -> Iterator[_Part]:
     yield from (part for part in parts if part.names)
 
 
-def shares_by_steps(
-    training: Sequence[Sequence[Run]],
-    unseen: Sequence[Sequence[Run]],
-    steps: Sequence[Sequence[int]],
-) -> list[Worth]:
-    """The shares of the first model's squared errors that steps from model to model remove.
-
-    Of unseen logs if there are any, and beside these of all logs together. The runs are those of
-    one model after the other; for each share there are the steps that it is of (`shares_of_steps`).
-    """
-    trained, judged = errors_between(*training), errors_between(*unseen)
-    if not steps:
-        return []
-    worths = shares_of_steps(judged or trained, steps)
-    if not judged:
-        return worths
-    everywhere = shares_of_steps([*trained, *judged], steps)
-    return [
-        replace(worth, everywhere=joint) for worth, joint in zip(worths, everywhere, strict=True)
-    ]
-
-
 # -- beside all others -----------------------------------------------------------------------------
 
 
@@ -127,9 +106,8 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
         fewer = _without(context, state, name)
         if not all(math.isfinite(e.nrmse) for e in (fewer.train, fewer.holdout) if e):
             continue  # runs that overflow without it are no measure of what it removes
-        shares = worths_between(fewer, last)
-        beside[name] = replace(shares[0], everywhere=shares[1] if context.unseen else None)
-        if negligible(*shares):
+        beside[name] = worth_between(fewer, last)
+        if negligible(beside[name]):
             tried = replace(state, detectable=(*state.detectable, name))
             fitted = refitted_stage(context, tried)
             if not missed(last, fitted):
@@ -140,9 +118,8 @@ def with_shares_beside_others(context: SearchContext, state: SearchState) -> Sea
         fitted = refitted_stage(context, tried, starts=1, substeps=last.fit.substeps)
         if ended_worse(fitted, last):
             continue  # than without it: of a Kingfisher a yaw drag "removed" -706 to -202 %
-        shares = worths_between(last, fitted)
-        beside[name] = replace(shares[0], everywhere=shares[1] if context.unseen else None)
-        if not adds_little(beside[name]) and matters(*shares):
+        beside[name] = worth_between(last, fitted)
+        if not adds_little(beside[name]) and matters(beside[name]):
             fitted = refitted_stage(context, tried)
             recorded = record_stage(context, tried, fitted, name)
             if no_better(last, fitted) is None and recorded.number > state.number:

@@ -33,9 +33,8 @@ from diffthrust.diagnosis._simulation_fit import (
     change_between,
     fitted_beside,
     fitted_to_runs,
-    simulation_fitter,
 )
-from diffthrust.diagnosis._stage_fit import ended, worths_between
+from diffthrust.diagnosis._stage_fit import ended, worth_between
 from diffthrust.diagnosis._stepwise import simulation_is_poor
 from diffthrust.experiments._result import Experiment
 from diffthrust.experiments._suggest import suggest_experiment
@@ -88,8 +87,8 @@ def with_equivalents(context: SearchContext, state: SearchState, first: TrialFit
         refitted = refitted_rivals(context, last, name, early)
         if exchanged := _with_exchange(context, state, name, refitted):
             return SearchResult(state, (), (), exchanged)
-        shares = {rival: worths_between(stage, last) for rival, stage in refitted.items()}
-        alike += [rival for rival, ahead in shares.items() if not told_apart(effect, *ahead)]
+        shares = {rival: worth_between(stage, last) for rival, stage in refitted.items()}
+        alike += [r for r, ahead in shares.items() if not told_apart(effect, ahead, ahead.of_all)]
         groups.append((name, *dict.fromkeys(alike)))
     detectable, beside = [], dict[str, FittedStage]()
     poor = bool(state.detectable) and simulation_is_poor(context, state, last)
@@ -156,12 +155,12 @@ def near_over_whole_runs(
     rivals = [rival for rival in tried if rival not in present]
     if not rivals or not simulation_is_poor(context, state, state.stages[-1]):
         return {}
-    simulation = simulation_fitter(fitter)
+    simulation = fitter.simulating()
     fitted = fitted_to_runs(fitter, stage)
     without = fitted_to_runs(fitter, stage, [n for n in stage.effects if n != name])
     started = screened(simulation, rivals, without, levels_of(fitter, without))
     ended = {rival: simulation.further(trial) for rival, trial in started.items()}
-    ahead = {r: change_between(fitter, t, fitted).everywhere.share for r, t in ended.items()}
+    ahead = {r: change_between(fitter, t, fitted).of_all.share for r, t in ended.items()}
     most = 1.0 - 1.0 / SETTINGS.equivalence.near_error**2
     order = sorted(ended, key=lambda rival: ahead[rival])
     near = [rival for rival in order if ahead[rival] <= most and rival not in alike]
@@ -173,7 +172,7 @@ def _beside_others(state: SearchState, name: str) -> Worth | None:
     """What an effect of the last stage removes, on all logs, of the error left without it."""
     last = state.stages[-1]
     if len(last.effects) == 1:
-        return worths_between(state.stages[0], last)[1]
+        return worth_between(state.stages[0], last).of_all
     worth = state.beside.get(name)
     return worth and (worth.everywhere or worth)
 
@@ -198,12 +197,12 @@ def unrefuted(
     fitter = context.fitter
     kept = [n for n in stage.effects if n != name]
     nearest = list(rivals)[: SETTINGS.equivalence.most_compared]
-    simulation_fitter(fitter).ready(stage.effects, nearest)  # one program for all of them
+    fitter.simulating().ready(stage.effects, nearest)  # one program for all of them
     fitted, alike = fitted_to_runs(fitter, stage), []
     for rival in nearest:
         instead = fitted_beside(fitter, stage, rivals[rival], (*kept, rival))
         ahead = change_between(fitter, instead, fitted)
-        if not told_apart(effect, ahead.worth, ahead.everywhere):
+        if not told_apart(effect, ahead, ahead.of_all):
             alike.append(rival)
     return alike
 
@@ -294,11 +293,10 @@ def _with_exchange(
 
 def _is_better(state: SearchState, name: str, stage: FittedStage) -> bool:
     last = state.stages[-1]
-    worth, everywhere = worths_between(last, stage)
-    little = adds_little(replace(worth, everywhere=everywhere))
-    if no_better(last, stage) or (little and name in state.detectable):
+    worth = worth_between(last, stage)
+    if no_better(last, stage) or (adds_little(worth) and name in state.detectable):
         return False
-    return everywhere.share > 0.0 and matters(worth, everywhere)
+    return worth.of_all.share > 0.0 and matters(worth)
 
 
 def _exchanged(
@@ -307,7 +305,7 @@ def _exchanged(
     fitter, trial = context.fitter, state.current.trial
     (rival,) = (effect for effect in better.effects if effect not in state.stages[-1].effects)
     values = {**trial.values, **{n: p.value for n, p in better.fit.model.parameters.items()}}
-    values = fitter.absent(name, values)
+    values = fitter.absent((name,), values)
     effects = (*(n for n in trial.effects if n not in (name, rival)), rival)
     settled = fitter.settled(effects, values, None, trial.clip)
     return replace(

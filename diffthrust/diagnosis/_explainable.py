@@ -174,10 +174,6 @@ class Learner:
         """What some of the records teach, ``(p,)``."""
         return self.basis @ ridge_solution(pooled_sums([self.blocks[i] for i in of]), self.ridge)
 
-    def samples(self, of: Sequence[int]) -> int:
-        """How many samples these records have."""
-        return sum(self.blocks[i].samples for i in of)
-
 
 def learners_for(records: Sequence[ErrorRecord], features: Features) -> list[Learner]:
     """A learner for each rung above none, where its equations have a solution."""
@@ -300,14 +296,6 @@ class Explainable(NamedTuple):
     signals: tuple[str, ...]
 
 
-class _Estimate(NamedTuple):
-    """The share that one form explains, and 90 % limits of what it could."""
-
-    share: float
-    low: float
-    high: float
-
-
 def explainable(
     train: Sequence[ErrorRecord], test: Sequence[ErrorRecord], seed: int
 ) -> Explainable:
@@ -319,11 +307,12 @@ def explainable(
         seed: of the random features and of the halves.
     """
     features = features_for(train, seed)
+    nothing = Explainable(0.0, 0.0, 0.0, Rung.NOTHING, features.names)
     if not any(np.nansum(record.error**2) > 0 for record in test or train):
-        return Explainable(0.0, 0.0, 0.0, Rung.NOTHING, features.names)
+        return nothing
     learners = learners_for(train, features)
     if not learners:  # nothing could be learned: the explainable share may be anything
-        return Explainable(0.0, 0.0, 1.0, Rung.NOTHING, features.names)
+        return nothing._replace(high=1.0)
     best = chosen(learners)
     least = min(learner.loss for learner in learners)
     near = [
@@ -332,12 +321,11 @@ def explainable(
         if candidate.loss <= least + SETTINGS.headroom.tie_loss or candidate is best
     ]
     estimates = {candidate.rung: _estimate(candidate, train, test, seed) for candidate in near}
-    high = max(candidate.high for candidate in estimates.values())
+    high = max(estimate.high for estimate in estimates.values())
     if best is None:  # no form is good enough to be used, but the best bounds the share
         first = estimates[min(near, key=lambda candidate: candidate.loss).rung]
-        return Explainable(0.0, min(first.low, 0.0), high, Rung.NOTHING, features.names)
-    estimate = estimates[best.rung]
-    return Explainable(estimate.share, estimate.low, high, best.rung, features.names)
+        return nothing._replace(low=min(first.low, 0.0), high=high)
+    return estimates[best.rung]._replace(high=high)
 
 
 def independent_samples(records: Sequence[ErrorRecord]) -> float:
@@ -350,7 +338,7 @@ def independent_samples(records: Sequence[ErrorRecord]) -> float:
 
 def _estimate(
     learner: Learner, train: Sequence[ErrorRecord], test: Sequence[ErrorRecord], seed: int
-) -> _Estimate:
+) -> Explainable:
     """What one form explains, and how much it could."""
     rng, everyone = np.random.default_rng(seed), list(range(len(train)))
     corrected, halves, reaches = [], [], []
@@ -378,7 +366,8 @@ def _estimate(
     scatter = float(np.std(np.concatenate(scores))) * np.sqrt(lasting / samples)
     wide = SETTINGS.headroom.interval_width * float(np.hypot(scatter, 0.5 * short))
     low = min(share + short - wide, share - SETTINGS.headroom.interval_width * scatter)
-    return _Estimate(share, float(low), min(max(share, share + short, 0.0) + wide, 1.0))
+    high = min(max(share, share + short, 0.0) + wide, 1.0)
+    return Explainable(share, float(low), high, learner.rung, learner.features.names)
 
 
 class _Taught(NamedTuple):
@@ -396,10 +385,11 @@ def _teach(learner: Learner, records: list[int], rng: np.random.Generator) -> _T
     for split in range(_SPLITS):
         order, middle = rng.permutation(records), (len(records) + split % 2) // 2
         halves += [list(order[:middle]), list(order[middle:])]
-    lost = float(np.mean([1.0 / max(learner.samples(half), 1) for half in halves]))
-    all_of_them = 1.0 / max(learner.samples(records), 1)
+    *lost, all_of_them = (
+        1.0 / max(sum(learner.blocks[i].samples for i in some), 1) for some in (*halves, records)
+    )
     weights = [learner.weights(some) for some in (records, *halves)]
-    return _Taught(np.stack(weights, axis=1), all_of_them / (lost - all_of_them))
+    return _Taught(np.stack(weights, axis=1), all_of_them / (float(np.mean(lost)) - all_of_them))
 
 
 def _sum(parts: Sequence[np.ndarray]) -> float:

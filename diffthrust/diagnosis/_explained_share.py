@@ -37,6 +37,10 @@ class BeforeAfter(NamedTuple):
     after: np.ndarray
 
 
+ErrorsByLog = Sequence[Mapping[str, Sequence[np.ndarray]]]
+"""By log and channel what was measured, and the errors of one model after the other; ``(T,)``."""
+
+
 @dataclass(frozen=True)
 class Worth:
     """Share of the squared whole-run error that an effect removes, of unseen logs if there are any.
@@ -81,6 +85,11 @@ class Worth:
         return share_words(self.share), f"{share_words(self.low)} to {share_words(self.high)}"
 
     @property
+    def of_all(self) -> Worth:
+        """The same of training and unseen logs together; it is that where there are no unseen."""
+        return self.everywhere or self
+
+    @property
     def above_zero(self) -> bool:
         """Whether its interval excludes zero, also as it is printed."""
         return self.low >= _LEAST_PRINTED
@@ -118,12 +127,8 @@ def share_words(share: float) -> str:
     return f"-{percent(-share)}" if share < 0 else percent(share)
 
 
-def explained_share(logs: Sequence[Mapping[str, Sequence[np.ndarray]]], seed: int = 0) -> Worth:
+def explained_share(logs: ErrorsByLog, seed: int = 0) -> Worth:
     """The share of the squared errors that a change removes, with its interval.
-
-    Args:
-        logs: for each log and channel what was measured, and the errors before and after.
-        seed: of the bootstrap.
 
     Example:
         >>> error = np.random.default_rng(0).standard_normal(500)
@@ -134,21 +139,30 @@ def explained_share(logs: Sequence[Mapping[str, Sequence[np.ndarray]]], seed: in
     return shares_of_steps(logs, [[1]], seed)[0]
 
 
+def worth_of(trained: ErrorsByLog, unseen: ErrorsByLog) -> Worth:
+    """The `explained_share` of unseen logs if there are any, and beside it that of all logs."""
+    return worths_of(trained, unseen, [[1]])[0]
+
+
+def worths_of(
+    trained: ErrorsByLog, unseen: ErrorsByLog, steps: Sequence[Sequence[int]]
+) -> list[Worth]:
+    """The `shares_of_steps` of unseen logs if there are any, and beside these those of all logs."""
+    worths = shares_of_steps(unseen or trained, steps)
+    if not unseen:
+        return worths
+    of_all = shares_of_steps([*trained, *unseen], steps)
+    return [replace(worth, everywhere=joint) for worth, joint in zip(worths, of_all, strict=True)]
+
+
 def shares_of_steps(
-    logs: Sequence[Mapping[str, Sequence[np.ndarray]]],
-    steps: Sequence[Sequence[int]],
-    seed: int = 0,
+    logs: ErrorsByLog, steps: Sequence[Sequence[int]], seed: int = 0
 ) -> list[Worth]:
     """The shares of the first model's squared errors that steps from model to model remove.
 
     All are shares of one whole: those of different steps add up to what all of them remove.
 
-    Args:
-        logs: for each log and channel what was measured, and the errors of one model after the
-            other; ``(T,)`` each.
-        steps: for each share the steps that it is of: step 1 leads from the first model to the
-            second.
-        seed: of the bootstrap.
+    Each share is of some steps: step 1 leads from the first model to the second.
 
     Example:
         >>> error = np.random.default_rng(0).standard_normal(500)
@@ -178,7 +192,7 @@ def shares_of_steps(
 # -- what a share allows to say --------------------------------------------------------------------
 
 
-def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
+def matters(worth: Worth, driven: str = "") -> bool:
     """Whether whole runs are surely better by an effect: in all, or one channel and none worse.
 
     A channel that no model explains weighs most in the sum, and hides what an effect does to the
@@ -186,14 +200,15 @@ def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
     removes -2 % (-11 % to 5 %) of all of it.
 
     Args:
-        worth: on unseen logs; must not be negligible.
-        everywhere: on training and unseen logs together, which must be sure: a few unseen logs
-            seldom are, and random forces may last for as long as one of them.
+        worth: on unseen logs it must not be negligible, and on training and unseen logs together
+            it must be sure: a few unseen logs seldom are, and random forces may last for as long
+            as one of them.
         driven: the measured channel in which it enters, where that is known: one channel alone
             speaks for it only if this one is surely better, too. A curve in the surge of a
             BlueBoat, which removes 24 % of the squared yaw rate error, removed of that of surge
             31 % (-12 % to 89 %).
     """
+    everywhere = worth.of_all
     if not (math.isfinite(worth.share) and math.isfinite(everywhere.share)):
         return False  # a run diverges: of the NGS with a curve that helped in all the others
     if everywhere.sure and worth.share > SETTINGS.whole_runs.negligible_share:
@@ -207,14 +222,9 @@ def matters(worth: Worth, everywhere: Worth, driven: str = "") -> bool:
     return alone and entered and not harms(everywhere)
 
 
-def helps(worth: Worth, driven: str = "") -> bool:
-    """Whether a change `matters`, by its share of unseen logs and that of all."""
-    return matters(worth, worth.everywhere or worth, driven)
-
-
-def negligible(worth: Worth, everywhere: Worth) -> bool:
+def negligible(worth: Worth) -> bool:
     """Whether an effect changes next to nothing, sure or not, in all and of each channel."""
-    limits, both = SETTINGS.whole_runs, (worth, everywhere)
+    limits, both = SETTINGS.whole_runs, (worth, worth.of_all)
     return all(abs(each.share) <= limits.negligible_share for each in both) and all(
         channel.share <= limits.one_channel_share
         for each in both
@@ -322,9 +332,7 @@ def sure_share(worth: Worth) -> SureShare | None:
 # -- squared errors by blocks, and draws of them ---------------------------------------------------
 
 
-def _table(
-    logs: Sequence[Mapping[str, Sequence[np.ndarray]]], names: Sequence[str]
-) -> list[np.ndarray]:
+def _table(logs: ErrorsByLog, names: Sequence[str]) -> list[np.ndarray]:
     """For each log the squared errors of its blocks, ``(blocks, channels, models)``.
 
     In units of the variance of each channel and of its number of samples.

@@ -198,29 +198,22 @@ class TrialFit:
         return len(estimated), [response.scores(estimated, own) for own in by_set]
 
 
-class CandidateFitter:
-    """Fits of a model with any of the candidates, over the same logs.
+class CandidateFitter(Programs):
+    """Fits of a model with any of the candidates, over the same logs."""
 
-    Args:
-        programs: the compiled problems.
+    @property
+    def least_gain(self) -> float:
+        """By how much an effect must lower the criterion to be added.
 
-    Attributes:
-        least_gain: by which an effect must lower the criterion to be added: more where many are
-            tried, of which the best has gained the most by chance.
-    """
-
-    def __init__(self, programs: Programs) -> None:
-        self.programs, self.nuisance = programs, programs.nuisance
-        self.model, self.records, self.channels = (
-            programs.model,
-            programs.records,
-            programs.channels,
-        )
-        self.candidates, self.constants = programs.candidates, programs.constants
-        self.free, self.counts, self.samples = programs.free, programs.counts, programs.samples
-        self.places, self.ready = programs.places, programs.ready
+        More where many are tried, of which the best has gained the most by chance.
+        """
         many = (len(self.candidates) + len(self.constants)) / SETTINGS.admission.priced_candidates
-        self.least_gain = SETTINGS.admission.least_bic_gain + 2.0 * math.log(max(1.0, many))
+        return SETTINGS.admission.least_bic_gain + 2.0 * math.log(max(1.0, many))
+
+    @property
+    def unclipped(self) -> ResidualClip:
+        """No clip of the errors."""
+        return ResidualClip(np.full(len(self.channels), np.inf))
 
     def moved(self, effects: Sequence[str]) -> tuple[str, ...]:
         """The parameters that are estimated with some effects present."""
@@ -232,7 +225,7 @@ class CandidateFitter:
             and any(of_effect(n, effect) for effect in effects)
             and not named[n].fixed
         ]
-        room = max(0, self.programs.width - len(self.free) - len(added))
+        room = max(0, self.width - len(self.free) - len(added))
         return (*self.free, *sorted(self.nuisance, key=is_memory)[:room], *added)  # gains first
 
     def solve(
@@ -253,7 +246,7 @@ class CandidateFitter:
         problem = clip.on(program.problem.focus(names, values, initial_states))
         optimum = solve(problem, problem.start(), budget, _ENOUGH)
         q, z = optimum.quadratic, optimum.z
-        response_problem = partial(self.programs.response_problem, program, effects, len(names))
+        response_problem = partial(self.response_problem, program, effects, len(names))
         fitted = partial(
             TrialFit, tuple(effects), problem.values(z), q, names, clip=clip, program=program,
             response_problem=response_problem,
@@ -312,9 +305,7 @@ class CandidateFitter:
         """
         initial, named = values or {}, self.ready(effects).problem.named
         start = {n: initial.get(n, p.value) for n, p in named.items()}
-        clipped = self.settled(
-            effects, start, None, ResidualClip(np.full(len(self.channels), np.inf))
-        )
+        clipped = self.settled(effects, start, None, self.unclipped)
         widened = replace(clipped, clip=replace(clipped.clip, reach=WIDE))
         wide = self.further(widened, budget=_LONG)
         return wide if wide.cost < clipped.cost - REAL else clipped
@@ -330,12 +321,26 @@ class CandidateFitter:
         problem = self.ready(effects).problem
         return cost(clip.on(problem.focus(self.moved(effects), values, initial_states)))
 
-    def absent(self, effect: str, values: Mapping[str, float]) -> dict[str, float]:
-        """The values with one effect at its null, or one freed parameter at its fixed value."""
-        if effect in self.constants:
-            return {**values, effect: self.model.parameters[effect].value}
-        null = self.candidates[effect].at_null()
-        return {**values, **{f"{effect}.{n}": p.value for n, p in null._parameters.items()}}
+    def settled_without(self, trial: TrialFit, names: Collection[str]) -> TrialFit:
+        """A complete fit of a trial without some of its effects."""
+        kept = tuple(n for n in trial.effects if n not in names)
+        values = self.absent(names, trial.values)
+        return self.settled(kept, values, trial.initial_states, trial.clip)
+
+    def absent(self, names: Collection[str], values: Mapping[str, float]) -> dict[str, float]:
+        """The values with some effects at their nulls, or freed parameters as they were fixed."""
+        absent = dict(values)
+        for name in names:
+            if name in self.constants:
+                absent[name] = self.model.parameters[name].value
+            else:
+                null = self.candidates[name].at_null()._parameters
+                absent |= {f"{name}.{n}": p.value for n, p in null.items()}
+        return absent
+
+    def sizes(self, trial: TrialFit) -> dict[str, float]:
+        """Standard deviations of the one-step errors of a trial, by channel."""
+        return dict(zip(self.channels, map(float, trial.quadratic.sigma), strict=True))
 
     def readings(self, trial: TrialFit) -> list[dict[str, np.ndarray]]:
         """The signals at the ports of the given model, log by log."""

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from diffthrust._support.results import Brief
-from diffthrust.diagnosis._explained_share import Worth, helps
+from diffthrust.diagnosis._explained_share import Worth, matters
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.effects._curve import Curve
 from diffthrust.effects._formula import Formula
@@ -104,7 +104,7 @@ class LearnedLaw(Brief):
     @property
     def helps(self) -> bool:
         """Whether whole runs surely err less with it, in all or in one channel, and none more."""
-        return helps(self.worth, self.driven)
+        return matters(self.worth, self.driven)
 
     @property
     def alike(self) -> tuple[TriedForm, ...]:

@@ -11,7 +11,6 @@ error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
@@ -54,8 +53,7 @@ class Dependence(NamedTuple):
 NONE = Dependence(0.0, (np.empty(0), np.empty(0), np.empty(0)))
 
 
-@dataclass(frozen=True)
-class LinearErrors:
+class LinearErrors(NamedTuple):
     """The errors of one log, linear about an observer's path; each ``(T,)``.
 
     Args:
@@ -210,7 +208,7 @@ def smoothed_signals(
     lasting_sizes = _LASTING_SIZES if through_state else (0.0,)
     grid = np.array(list(product(_SIGNAL_SIZES / unit, _SIGNAL_MEMORIES, lasting_sizes)))
     scaled = [
-        replace(run, innovation=run.innovation / noise, correction=run.correction / noise)
+        run._replace(innovation=run.innovation / noise, correction=run.correction / noise)
         for run in runs
     ]
     cost, squares, count = np.zeros(len(grid)), np.zeros(len(grid)), 0
@@ -232,12 +230,12 @@ def smoothed_signals(
     return out
 
 
-class _Filtered:
+class _Filtered(NamedTuple):
     """What the likelihood needs, at all points of a grid; at a single point every moment, too."""
 
-    def __init__(self, points: int) -> None:
-        self.logs, self.squares = np.zeros(points), np.zeros(points)
-        self.moments: list[tuple[np.ndarray, ...]] = []
+    logs: np.ndarray
+    squares: np.ndarray
+    moments: list[tuple[np.ndarray, ...]]
 
 
 def _filter(
@@ -251,7 +249,7 @@ def _filter(
     p[:, 0, 0], p[:, 1, 1], p[:, 2, 2] = 0.0 if no_state else 100.0, size**2, share**2
     q[:, 1, 1] = size**2 * (1.0 - remembers**2)
     q[:, 2, 2] = share**2 * (1.0 - lasting**2)
-    filtered = _Filtered(points)
+    logs, squares, moments = np.zeros(points), np.zeros(points), []
     for t in range(run.innovation[:samples].size):
         predicted = x, p
         if np.isfinite(run.innovation[t]):
@@ -261,17 +259,17 @@ def _filter(
             error = run.innovation[t] - x @ reads
             x = x + covariance * (error / variance)[:, None]
             p = p - covariance[:, :, None] * (covariance / variance[:, None])[:, None, :]
-            filtered.logs += np.log(variance)
-            filtered.squares += error**2 / variance
+            logs += np.log(variance)
+            squares += error**2 / variance
         moves = np.zeros((points, 3, 3))
         moves[:, 0, 0], moves[:, 0, 1] = run.decay[t], run.push[t]
         moves[:, 1, 1], moves[:, 2, 2] = remembers, lasting
         if points == 1:
-            filtered.moments.append((*(moment[0] for moment in (*predicted, x, p)), moves[0]))
+            moments.append((*(moment[0] for moment in (*predicted, x, p)), moves[0]))
         x = (moves @ x[:, :, None])[:, :, 0]
         x[:, 0] -= run.correction[t]
         p = moves @ p @ moves.transpose(0, 2, 1) + q
-    return filtered
+    return _Filtered(logs, squares, moments)
 
 
 def _smoother(filtered: _Filtered) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from diffthrust.diagnosis._equivalence import SearchResult
 from diffthrust.diagnosis._explained_share import Worth
 from diffthrust.diagnosis._findings import Assessment, OddLog, Selection, Stage, verdict_evidence
 from diffthrust.diagnosis._headroom import headroom_between, recurring_shares
-from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
+from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
 from diffthrust.diagnosis._missing import Missing
 from diffthrust.diagnosis._missing_signal import missing_signals
@@ -87,14 +87,9 @@ def _assessment(context: SearchContext, state: SearchState) -> Assessment:
         before=first.judged,
         after=first.judged,
         trained=(first.trained, first.trained),
-        one_step=_one_step_sizes(context.fitter, state.current.trial),
+        one_step=context.fitter.sizes(state.current.trial),
         remaining=None,
     )
-
-
-def _one_step_sizes(fitter: CandidateFitter, trial: TrialFit) -> dict[str, float]:
-    """Standard deviations of the one-step errors of a trial, by channel."""
-    return dict(zip(fitter.channels, map(float, trial.quadratic.sigma), strict=True))
 
 
 def _all_runs(context: SearchContext, training: Comparison, judged: Comparison) -> tuple[Run, ...]:
@@ -197,7 +192,7 @@ def _set_aside(
     return replace(
         assessment,
         remaining=remaining_structure(fitter, trial),
-        one_step=_one_step_sizes(fitter, trial),
+        one_step=fitter.sizes(trial),
         apart=(others.trained, others.judged),
     )
 

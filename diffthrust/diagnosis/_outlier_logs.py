@@ -19,7 +19,7 @@ from diffthrust.comparison._agreement import beside_others, outstanding
 from diffthrust.comparison._derived_signals import signals_of, units_of
 from diffthrust.diagnosis._findings import OddLog
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
-from diffthrust.diagnosis._score_test import without_overflow
+from diffthrust.diagnosis._linear_response import without_overflow
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._laws import TAIL, Law
 from diffthrust.estimation._one_step import Pass, passes, settled_start
@@ -84,7 +84,7 @@ def odd_logs(
         times = f"{number(outlier.ratio, 2)} times that of the median log"
         words = [f"its {humanize(channel)} error is {times}"] if _larger(outlier.ratio) else []
         peers = [run for i, run in enumerate(runs[: len(fitter.records)]) if i != k]
-        beyond = _beyond_others(fitter.programs.model, runs[k], peers)
+        beyond = _beyond_others(fitter.model, runs[k], peers)
         evidence = joined(words + words_of.get(k, []))
         odd.append(OddLog(outlier.run, channel, evidence, outlier.share, beyond))
     return tuple(sorted(odd, key=lambda log: -log.share))
@@ -162,7 +162,7 @@ def deviating_logs(fitter: CandidateFitter, trial: TrialFit, count: int) -> list
     sigma, deviating = np.asarray(trial.quadratic.sigma), []
     for deviation in deviations(by_log):
         deviation = _refitted(_passing(fitter, trial, deviation.log), deviation, sigma)
-        simulation = replace(trial, values={**trial.values, **fitter.programs.uncorrected})
+        simulation = replace(trial, values={**trial.values, **fitter.uncorrected})
         if (
             _fall(_passing(fitter, simulation, deviation.log), deviation)
             < SETTINGS.outlier_logs.most_error_left

@@ -16,13 +16,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations, product
-from typing import NamedTuple
 
 from diffthrust.diagnosis._criteria import no_better
 from diffthrust.diagnosis._explained_share import Worth, adds_little, explained_share
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._predicted_gain import Point
-from diffthrust.diagnosis._probes import probes
+from diffthrust.diagnosis._predicted_gain import Point, probes
 from diffthrust.diagnosis._screening import levels_of
 from diffthrust.diagnosis._search_state import CurrentModel, FittedStage, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
@@ -32,24 +30,11 @@ from diffthrust.diagnosis._stage_fit import (
     ended,
     ended_worse,
     errors_between,
-    worths_between,
+    worth_between,
 )
 
 _PROBES = 4
 """Numerics: trial values of an effect that has no size as a single, of which starts are made."""
-
-
-class Proven(NamedTuple):
-    """One or two effects beside those of the last stage that whole unseen runs prove.
-
-    Args:
-        effects: their names.
-        stages: the stages that they add, fitted to whole runs: of two effects that each help alone
-            one stage each, so that each has its own share.
-    """
-
-    effects: tuple[str, ...]
-    stages: tuple[FittedStage, ...]
 
 
 def with_proven(
@@ -87,17 +72,17 @@ def with_proven(
         for trial in fitted:
             ended.append(_refitted(context, state, trial))
             if proven := _proven_pair(context, state, trials, trial, ended[-1], new):
-                return _added(context, state, proven)
+                return _added(context, state, *proven)
         if ahead and fitted:
-            further = _proven_ahead(context, state, fitted[0], ended[0], ahead)
+            further = _proven_ahead(context, state, ended[0], ahead)
             if further:
                 return further
         # a constant, which may absorb any error, is not proven by whole runs alone
         best = [name for name in lowering if name not in constants][:1]
         refitted = {name: _refitted(context, state, singles[name]) for name in best}
-        for name, stage in refitted.items():
+        for stage in refitted.values():
             if _is_proven_alone(state.stages[-1], stage):
-                return _added(context, state, Proven((name,), (stage,)))
+                return _added(context, state, stage)
         return replace(state, possible=_borne_out(context, state, singles, refitted))
 
 
@@ -192,15 +177,19 @@ def _proven_pair(
     trial: TrialFit,
     stage: FittedStage,
     singles: Mapping[str, TrialFit],
-) -> Proven | None:
-    """A pair that whole unseen runs prove, each beside the other too, or one of it alone."""
+) -> tuple[FittedStage, ...]:
+    """The stages of a pair that whole unseen runs prove, or of one of it alone; none else.
+
+    Each of two is proven beside the other, too. Those that each help alone have one stage each, so
+    that each has its own share.
+    """
     last, runs = state.stages[-1], trials.runs
     if not _is_proven(last, stage):
-        return None
+        return ()
     first, second = trial.effects[-2:]
     alone = []
     for kept, absent in ((first, second), (second, first)):
-        starts = [context.fitter.absent(absent, trial.values)]
+        starts = [context.fitter.absent((absent,), trial.values)]
         starts += [singles[kept].values] if kept in singles else []
         single = runs.fitted((*last.effects, kept), starts, trial.clip)
         if _is_hopeless(runs, trials.base, single, trial):
@@ -211,17 +200,15 @@ def _proven_pair(
             stage = _refitted(context, within, trial)
         needed = _share(runs, single, trial) > SETTINGS.whole_runs.proving_share
         if not (needed or _is_needed(alone[-1], stage)):
-            proven = _is_proven_alone(last, alone[-1])
-            return Proven((kept,), (alone[-1],)) if proven else None
+            return (alone[-1],) if _is_proven_alone(last, alone[-1]) else ()
     if len(alone) == 2 and all(_removed(last, single).sure for single in alone):
-        return Proven((first, second), (min(alone, key=lambda s: s.train.nrmse), stage))
-    return Proven((first, second), (stage,))
+        return min(alone, key=lambda s: s.train.nrmse), stage
+    return (stage,)
 
 
 def _proven_ahead(
     context: SearchContext,
     state: SearchState,
-    trial: TrialFit,
     stage: FittedStage,
     ahead: Callable[[SearchState], SearchState],
 ) -> SearchState | None:
@@ -234,7 +221,7 @@ def _proven_ahead(
     trained = explained_share(errors_between(last.runs, stage.runs))
     if not trained.low > SETTINGS.pairs.least_single_share:
         return None
-    further = ahead(_added(context, state, Proven(trial.effects[-2:], (stage,))))
+    further = ahead(_added(context, state, stage))
     is_more = further.number > state.number + 1
     return further if is_more and _is_proven(last, further.stages[-1]) else None
 
@@ -245,8 +232,8 @@ def _is_proven(last: FittedStage, stage: FittedStage) -> bool:
     A current and a weak thruster took a boat's training runs from 0.95 to 0.30 and its only unseen
     run from 0.54 to 0.43, 37 % (5 % to 63 %) of its squared error, while two drags were missing.
     """
-    unseen, everywhere = worths_between(last, stage)
-    by_far = unseen.sure and everywhere.low > SETTINGS.pairs.least_single_share
+    unseen = worth_between(last, stage)
+    by_far = unseen.sure and unseen.of_all.low > SETTINGS.pairs.least_single_share
     enough = unseen.low > SETTINGS.whole_runs.proving_share
     return no_better(last, stage) is None and (enough or by_far)
 
@@ -258,9 +245,9 @@ def _is_needed(single: FittedStage, pair: FittedStage) -> bool:
     0.65, that run was not sure, and training runs, which fell from 0.29 to 0.10, were not asked.
     Unseen ones by a tenth, too: a coupling removed 5 % beside a drag that had removed 93 % alone.
     """
-    unseen, everywhere = worths_between(single, pair)
-    much = unseen.sure and not adds_little(unseen)
-    return much or everywhere.low > SETTINGS.whole_runs.proving_share
+    unseen = worth_between(single, pair)
+    much = unseen.sure and not adds_little(replace(unseen, everywhere=None))
+    return much or unseen.of_all.low > SETTINGS.whole_runs.proving_share
 
 
 def _is_hopeless(runs: Runs, base: TrialFit, single: TrialFit, pair: TrialFit) -> bool:
@@ -285,8 +272,11 @@ def _share(runs: Runs, single: TrialFit, pair: TrialFit) -> float:
 
 def _is_proven_alone(last: FittedStage, stage: FittedStage) -> bool:
     """Whether whole runs alone prove one effect: by far more than chance finds among many."""
-    surely = min(worth.low for worth in worths_between(last, stage))
-    return not no_better(last, stage) and surely > SETTINGS.pairs.least_single_share
+    worth = worth_between(last, stage)
+    return (
+        not no_better(last, stage)
+        and min(worth.low, worth.of_all.low) > SETTINGS.pairs.least_single_share
+    )
 
 
 def _removed(without: FittedStage, stage: FittedStage) -> Worth:
@@ -295,7 +285,7 @@ def _removed(without: FittedStage, stage: FittedStage) -> Worth:
     Of these alone: on the training logs a model that lacks more than this pair does not end where
     unseen logs want it, and one effect stands in for another.
     """
-    return worths_between(without, stage)[0]
+    return replace(worth_between(without, stage), everywhere=None)
 
 
 def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> FittedStage:
@@ -313,12 +303,12 @@ def _refitted(context: SearchContext, state: SearchState, trial: TrialFit) -> Fi
 # -- adding it -------------------------------------------------------------------------------------
 
 
-def _added(context: SearchContext, state: SearchState, proven: Proven) -> SearchState:
-    """The search with these effects."""
+def _added(context: SearchContext, state: SearchState, *proven: FittedStage) -> SearchState:
+    """The search with these stages, and with their effects in the current model."""
     fitter, present = context.fitter, state.current.trial
-    stages = tuple(ended(context, stage) for stage in proven.stages)
+    stages = tuple(ended(context, stage) for stage in proven)
     values = {n: p.value for n, p in stages[-1].fit.model.parameters.items()}
-    effects = (*present.effects, *proven.effects)
+    effects = tuple(dict.fromkeys((*present.effects, *stages[-1].effects)))
     settled = fitter.settled(effects, {**present.values, **values}, None, present.clip)
     return replace(
         state,

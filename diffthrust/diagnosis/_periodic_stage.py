@@ -8,6 +8,7 @@ come from its first half, so that its second half is predicted.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -145,7 +146,7 @@ def _places(context: SearchContext, channel: str) -> list[DrivingPort]:
 
 def _free_name(context: SearchContext) -> str:
     taken = {*context.fitter.candidates, *(effect.name for effect in context.given.effects)}
-    names = ("periodic_force", *(f"periodic_force_{k}" for k in range(2, 2 + len(taken))))
+    names = ("periodic_force", *(f"periodic_force_{k}" for k in itertools.count(2)))
     return next(name for name in names if name not in taken)
 
 
@@ -182,14 +183,6 @@ def _training_starts(
     return starts
 
 
-def _unseen_starts(force: PeriodicForce, stage: FittedStage) -> list[dict[str, float]]:
-    """Where it begins in each unseen log, from the first half of the log."""
-    return [
-        _start_in(force, stage.fit, run, _first_half(run.record), run.start)
-        for run in stage.unseen_runs
-    ]
-
-
 def _start_in(
     force: PeriodicForce, fit: Fit, run: Run, record: Record, start: Mapping[str, float]
 ) -> dict[str, float]:
@@ -213,12 +206,13 @@ def _with_candidate(
     """The search with a force among its candidates, which begins as it does at the last stage."""
     fitter, last = context.fitter, state.stages[-1]
     with context.clock("compile"):
-        starts = _training_starts(force, last, context.records)
-        train = _begun(context.records, starts)
+        train = _begun(context.records, _training_starts(force, last, context.records))
         windows = train
-        if any(map(_is_shorter, fitter.records, context.records)):
+        if any(len(w) < len(r) for w, r in zip(fitter.records, context.records, strict=True)):
             windows = _begun(fitter.records, _training_starts(force, last, fitter.records))
-        unseen = _begun(context.unseen, _unseen_starts(force, last))
+        halves = [(run, _first_half(run.record)) for run in last.unseen_runs]
+        starts = [_start_in(force, last.fit, run, half, run.start) for run, half in halves]
+        unseen = _begun(context.unseen, starts)
         candidates = {**fitter.candidates, force.name: force}
         wider, trial = compiled_fitter(
             state.stages[0].fit,
@@ -228,15 +222,11 @@ def _with_candidate(
             unseen,
             windows,
             state.current.trial,
-            (fitter.programs.substeps, last.fit.substeps),
+            (fitter.substeps, last.fit.substeps),
         )
     refit = replace(context.refit, train=train)
     context = replace(context, fitter=wider, unseen=unseen, refit=refit)
     return context, replace(state, current=CurrentModel(wider, trial))
-
-
-def _is_shorter(window: Record, record: Record) -> bool:
-    return len(window) < len(record)
 
 
 def _begun(records: Sequence[Record], starts: Sequence[Mapping[str, float]]) -> tuple[Record, ...]:

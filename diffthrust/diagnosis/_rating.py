@@ -159,13 +159,8 @@ def rate(
 ) -> TriedEffect:
     """Rate a trial: its likelihood ratio, criterion, p-value, and errors on unseen logs.
 
-    Args:
-        fitter: the fits.
-        state: the search so far.
-        trial: the current model with one more effect.
-        present_bic: information criterion of the current model.
-        leading: the least criterion among the trials, without the price of their noises. The noises
-            of a trial are priced only where that could make it the best.
+    Its noises are priced only where that could make it the best: ``leading`` is the least criterion
+    among the trials, without the price of their noises.
     """
     from scipy.special import chdtrc  # slow to import
 
@@ -182,7 +177,11 @@ def rate(
         delta = criterion(fitter, trial) - present_bic
     errors = simulation_errors(fitter, trial)
     named, shown = trial.problem.named, ShownUnits(r.log.written for r in fitter.records)
-    sizes = {n: shown_unit(named[n], trial.problem.model, shown) for n in names}
+    estimates = {}
+    for n in names:
+        value, size = trial.values[n], shown_unit(named[n], trial.problem.model, shown)
+        estimate = Estimate(value, None, named[n].unit, False, stopped(named[n], value), *size)
+        estimates[n.removeprefix(f"{trial.effects[-1]}.")] = estimate
     return TriedEffect(
         stage=state.number,
         effect=trial.effects[-1],
@@ -192,17 +191,7 @@ def rate(
         holdout_gain=unseen_gain(fitter, present.trial, trial),
         train_nrmse=errors[0],
         holdout_nrmse=errors[1],
-        parameters={
-            n.removeprefix(f"{trial.effects[-1]}."): Estimate(
-                trial.values[n],
-                None,
-                named[n].unit,
-                False,
-                stopped(named[n], trial.values[n]),
-                *sizes[n],
-            )
-            for n in names
-        },
+        parameters=estimates,
     )
 
 
@@ -232,7 +221,7 @@ def better_noise(
         ) or is_at_null(fitter, trial)
         if not doubtful or candidate.delta_bic >= -SETTINGS.admission.least_bic_gain:
             continue
-        now, values = present.trial, fitter.absent(candidate.effect, trial.values)
+        now, values = present.trial, fitter.absent((candidate.effect,), trial.values)
         without = fitter.settled(now.effects, values, trial.initial_states, now.clip)
         if without.cost < now.cost - 0.5 * SETTINGS.admission.least_bic_gain:
             clipped = replace(now, clip=without.clip)

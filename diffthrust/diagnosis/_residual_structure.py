@@ -20,9 +20,8 @@ import numpy as np
 from diffthrust._support.lag import lagged
 from diffthrust.diagnosis._candidates import DrivingPort
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
-from diffthrust.diagnosis._linear_response import ABREAST
+from diffthrust.diagnosis._linear_response import ABREAST, score_test
 from diffthrust.diagnosis._missing import Remaining, SignalForm, after_effects
-from diffthrust.diagnosis._score_test import score_test
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.models._base.effect import Effect
 from diffthrust.simulation._linearise import slopes_at
@@ -114,14 +113,8 @@ def scores_at_port(
 ) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Test sets of series at a port: do the errors contain any combination of one set?
 
-    Args:
-        port: the port.
-        trial: the current model.
-        sets: for each set and log ``(knots, T)``; all go through the logs together.
-
-    Returns:
-        For each set the p-value of the score test, robust to correlation within blocks of time; the
-        estimated coefficients; their covariance.
+    For each set, of ``(knots, T)`` a log, the answer of the `score_test`: all go through the logs
+    together.
     """
     count, scored = trial.scores(port, sets)
     return [score_test(*of_set, count) for of_set in scored]
@@ -220,18 +213,19 @@ def downstream_ports(fitter: CandidateFitter, place: DrivingPort) -> tuple[str, 
     return tuple(p for p in of_target if of_target[p] != 0 and all(d[p] == 0 for d in elsewhere))
 
 
+def place_of(fitter: CandidateFitter, port: str) -> DrivingPort | None:
+    """The place that a port belongs to or is downstream of: one that drives a state, if any."""
+    near = (p for p in fitter.places if port in (p.port, *downstream_ports(fitter, p)))
+    return next(near, None)
+
+
 def samples_at(fitter: CandidateFitter, place: DrivingPort) -> float:
     """Measurements of what a place drives; all of them if that is an unmeasured state."""
     return fitter.counts.get(place.target, fitter.samples)
 
 
 def wave_along(trial: TrialFit, name: str) -> Wave | None:
-    """The wave along a state that one-step errors show most, if any stands out.
-
-    Args:
-        trial: the model, fitted in the innovations form.
-        name: the state.
-    """
+    """The wave along a state that one-step errors show most, if any stands out."""
     passed = trial.passed
     sigma = np.asarray(trial.quadratic.sigma)[:, None]
     positions = [log.path[name][:-1] for log in passed]

@@ -9,7 +9,7 @@ few steps from their best probes (`screened`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -18,13 +18,13 @@ import numpy as np
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit, side_by_side
 from diffthrust.diagnosis._linear_response import LinearResponse, promised_gain
 from diffthrust.diagnosis._predicted_gain import (
-    IDLE_CHANGE,
     Point,
     PredictedGain,
     acts,
+    limits_near_edge,
     predicted_gains,
+    probes,
 )
-from diffthrust.diagnosis._probes import limits_near_edge, probes
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.estimation._one_step import batch_passes
 from diffthrust.models._base.effect import Effect
@@ -38,6 +38,8 @@ _THRESHOLD_STEPS = 20
 """Numerics: steps across a threshold, where a search creeps."""
 _AT_NULL = 1e-6
 """Numerics: an effect closer to its null than this, in units of its scale, does nothing."""
+_IDLE_CHANGE = 1e-6
+"""Numerics: a point that changes the cost by less does nothing: rounding of a pass is below it."""
 _LARGEST_RISE = 0.25
 """Numerics: a probe that raises the cost by more than this times the number of samples is no start
 of a search."""
@@ -55,16 +57,9 @@ def screened(
 ) -> dict[str, TrialFit]:
     """The current model with each of some candidates, fitted for a few steps from its best probes.
 
-    Args:
-        fitter: the fits.
-        names: the candidates.
-        present: the current model.
-        levels: `levels_of` the signals.
-        fallback: values of the model's parameters from which probes are tried as well.
-        least: likelihood ratio that a candidate must promise.
-
-    Returns:
-        Trials by name, without the candidates that gain too little.
+    Without the candidates that promise less than the likelihood ratio ``least``, or gain too
+    little. Probes are given by ``levels`` of the signals (`levels_of`), and are also tried from the
+    values ``fallback`` of the model's parameters.
     """
     effects = [name for name in names if name not in fitter.constants]
     points = {name: probes(fitter.candidates[name], levels) for name in effects}
@@ -91,9 +86,18 @@ def continued_beside(
     return _gaining(present, [*sizes], lambda name: _begun_at(fitter, name, present, sizes[name]))
 
 
-def _begun_at(fitter: CandidateFitter, name: str, present: TrialFit, point: Point) -> TrialFit:
+def _begun_at(
+    fitter: CandidateFitter,
+    name: str,
+    present: TrialFit,
+    point: Point,
+    budget: int = _FIRST_STEPS,
+    still: Collection[str] = (),
+) -> TrialFit:
+    """The current model with a candidate, fitted from a point for some steps."""
     effects, values = (*present.effects, name), {**present.values, **point}
-    return fitter.solve(effects, values, present.initial_states, present.clip, _FIRST_STEPS)
+    start, clip = present.initial_states, present.clip
+    return fitter.solve(effects, values, start, clip, budget, still)
 
 
 def _gaining(
@@ -114,12 +118,7 @@ def _effect_fit(
     fallback: Point | None,
 ) -> TrialFit | None:
     """The best fit of an effect from the two best of all its probes."""
-    effects = (*present.effects, name)
-
-    def followed(point: Point, budget: int) -> TrialFit:
-        values = {**present.values, **point}
-        return fitter.solve(effects, values, present.initial_states, present.clip, budget)
-
+    followed = partial(_begun_at, fitter, name, present)
     # next to the null the errors do not depend on a place or a direction: these parameters wait
     # until the effect has a size
     waiting = {
@@ -131,16 +130,14 @@ def _effect_fit(
     def risen(point: Point, budget: int) -> TrialFit:
         if not waiting:
             return followed(point, budget)
-        values, start = {**present.values, **point}, present.initial_states
-        sized = fitter.solve(effects, values, start, present.clip, _FIRST_STEPS, still=waiting)
-        return fitter.solve(effects, sized.values, sized.initial_states, sized.clip, budget)
+        return fitter.further(followed(point, still=waiting), budget)
 
     def gain(expected: float) -> float:
         return 2 * (present.cost - expected)
 
     least = SETTINGS.screening.least_promise
     starts = [(present.cost - promise.gain, promise.point) for promise in near]
-    distant = _best_distant(fitter, name, present, far, followed)
+    distant = _best_distant(fitter, name, present, far)
     silent = all(gain(expected) < SETTINGS.screening.threshold_promise for expected, _ in starts)
     if distant and silent:
         distant[0] = (min(distant[0][0], present.cost - least), distant[0][1])
@@ -158,7 +155,6 @@ def _best_distant(
     name: str,
     present: TrialFit,
     points: Sequence[Point],
-    followed: Callable[[Point, int], TrialFit],
 ) -> list[tuple[float, Point]]:
     """The two points of least cost far from the null, each with the cost that one step predicts."""
     effects = (*present.effects, name)
@@ -168,7 +164,7 @@ def _best_distant(
         return fitter.cost(effects, values, present.initial_states, present.clip)
 
     def moves(cost: float) -> bool:
-        return abs(cost - present.cost) > IDLE_CHANGE
+        return abs(cost - present.cost) > _IDLE_CHANGE
 
     tried = [(cost(point), point) for point in points]
     more = limits_near_edge(fitter.candidates[name], points, lambda point: moves(cost(point)))
@@ -176,7 +172,7 @@ def _best_distant(
     highest = present.cost + _LARGEST_RISE * fitter.samples  # NaN and infinite costs fail the test
     tried = [(at, point) for at, point in tried if moves(at) and at < highest]
     chosen = sorted(tried, key=lambda pair: pair[0])[:2]
-    return [(followed(point, 1).expected, point) for _, point in chosen]
+    return [(_begun_at(fitter, name, present, p, 1).expected, p) for _, p in chosen]
 
 
 def fitted_from_fallback(
@@ -241,16 +237,11 @@ def promising_constants(
 def _most_promising(fitter: CandidateFitter, gains: Mapping[str, float], least: float) -> list[str]:
     """Those whose predicted gain, a likelihood ratio, is worth a fit, the largest first."""
     of_best = SETTINGS.screening.least_share_of_best * max(gains.values(), default=0.0)
-    enough = max(least, _worth(fitter), of_best)
+    # an effect costs so much likelihood ratio at least
+    price = math.log(fitter.samples) + SETTINGS.admission.least_bic_gain
+    enough = max(least, SETTINGS.screening.least_share_of_price * price, of_best)
     ranked = sorted(gains, key=lambda n: -gains[n])
     return [n for n in ranked if gains[n] >= enough][: SETTINGS.screening.most_fitted]
-
-
-def _worth(fitter: CandidateFitter) -> float:
-    """The least predicted likelihood ratio that is worth a fit."""
-    return SETTINGS.screening.least_share_of_price * (
-        math.log(fitter.samples) + SETTINGS.admission.least_bic_gain
-    )
 
 
 def _gain_of_constant(fitter: CandidateFitter, response: LinearResponse, name: str) -> float:

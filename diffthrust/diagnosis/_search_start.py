@@ -24,7 +24,6 @@ from diffthrust.diagnosis._search_state import (
     SearchState,
 )
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._trial_programs import Programs
 from diffthrust.diagnosis._trial_windows import trial_windows
 from diffthrust.estimation._fit import FitRuns
 from diffthrust.estimation._horizons import schedule, to_whole_runs
@@ -97,9 +96,7 @@ def start_search(
         windows = trial_windows(first.model, fitted.runs)
         fitter, trial = compiled_fitter(first, effects, constants, train, unseen, windows)
     mend_first = any(doubt.contrary for doubt in first.doubts)
-    context = SearchContext(
-        first.model, fitter, tuple(unseen), refit, guess, say, clock, mend_first
-    )
+    context = SearchContext(first.model, fitter, tuple(unseen), refit, guess, say, mend_first)
     stage = FittedStage((), *fitted)
     return context, SearchState(CurrentModel(fitter, trial), (stage,), untestable)
 
@@ -156,8 +153,7 @@ def compiled_fitter(
         raise _not_finite(fit, [], train)
     for substeps in dict.fromkeys(steps or (trial_substeps(fit, train), fit.substeps)):
         logs = (windows, unseen)
-        programs = Programs(fit.model, effects, *logs, substeps, fit.noise_model, constants)
-        fitter = CandidateFitter(programs)
+        fitter = CandidateFitter(fit.model, effects, *logs, substeps, fit.noise_model, constants)
         first = fitter.base(present.effects, present.values) if present else fitter.base()
         if math.isfinite(first.cost):
             _refuse_blinding(fit, effects, train, first)
@@ -175,7 +171,7 @@ def with_finer_steps(
     which the training runs surely err less.
     """
     fitter, fit = context.fitter, state.stages[-1].fit
-    present, records = fitter.programs.substeps, context.records
+    present, records = fitter.substeps, context.records
     if fit.substeps <= present:
         return context, state
     coarse = pooled_errors(runs_over(fit.model, records, initial=fit.initial, substeps=present))
@@ -337,6 +333,4 @@ def _blamed(
 
 def _trial_of(fit: Fit, effects: Sequence[Effect], train: Sequence[Record]) -> TrialFit:
     """The first trial with only these candidates."""
-    return CandidateFitter(
-        Programs(fit.model, effects, train, [], fit.substeps, fit.noise_model)
-    ).base()
+    return CandidateFitter(fit.model, effects, train, [], fit.substeps, fit.noise_model).base()

@@ -122,7 +122,9 @@ class Refit:
             warnings.simplefilter("ignore", CoarseStepWarning)  # the notes of a checked fit tell it
             chosen = FitOptions(**options)
             fitted = fit_records(model, *records, chosen, progress, self.first_substeps)
-        return _with_its_steps(fitted)
+        # unseen runs with the steps of the fit, too: stages compare by them
+        fit, _, unseen_runs = fitted
+        return fitted._replace(holdout_runs=with_steps(fit.model, unseen_runs, fit.substeps))
 
 
 def _to_that_of(
@@ -140,12 +142,6 @@ def _to_that_of(
     return (*(h for h in through if h is not None and h < like.horizon), like.horizon)
 
 
-def _with_its_steps(fitted: FitRuns) -> FitRuns:
-    """A fit whose unseen runs have its integrator steps, too, so that stages compare by them."""
-    fit, _, unseen_runs = fitted
-    return fitted._replace(holdout_runs=with_steps(fit.model, unseen_runs, fit.substeps))
-
-
 @dataclass(frozen=True)
 class SearchContext:
     """What a search works with.
@@ -157,7 +153,6 @@ class SearchContext:
         refit: fits a model to whole runs.
         guess: values from which the first fit started.
         say: is called with the progress.
-        clock: measures the time of each kind of work.
         mend_first: whether a sign or an exchange of channels is doubted in the logs.
     """
 
@@ -167,8 +162,12 @@ class SearchContext:
     refit: Refit
     guess: Mapping[str, float]
     say: Progress
-    clock: Clock
     mend_first: bool = False
+
+    @property
+    def clock(self) -> Clock:
+        """Measures the time of each kind of work."""
+        return self.refit.clock
 
     @property
     def records(self) -> Sequence[Record]:
@@ -202,12 +201,10 @@ class CurrentModel:
         if name not in self._without:
             trial, fitter = self.trial, self.fitter
             kept = tuple(n for n in trial.effects if n != name)
-            values = fitter.absent(name, trial.values)
+            values = fitter.absent((name,), trial.values)
             fewer = fitter.solve(kept, values, trial.initial_states, trial.clip, budget=12)
-            if (
-                fewer.predicted_gain > 0
-                and fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
-            ):
+            near = fewer.expected < trial.cost + SETTINGS.admission.plain_bic_gain
+            if near and fewer.predicted_gain > 0:
                 fewer = fitter.further(fewer)
             self._without[name] = fewer
         return self._without[name]

@@ -12,28 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share
+from diffthrust.diagnosis._explained_share import BeforeAfter, Worth, explained_share, worth_of
 from diffthrust.diagnosis._findings import Stage
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, ResidualClip, TrialFit
 from diffthrust.estimation._horizons import schedule
 from diffthrust.estimation._one_step import passes, with_own_values
 from diffthrust.estimation._problem import Problem
 from diffthrust.models._base.model import Model
-from diffthrust.simulation._errors import Errors, errors
 
 _FEW = 8
 """Numerics: steps from each start of a fit to whole runs, before the best is continued."""
 _FOLLOWED = 2
 """Numerics: starts that are followed: those of least cost over the shortest horizon."""
-_Residuals = list[dict[str, tuple[np.ndarray, np.ndarray]]]
-
-
-def simulation_fitter(fitter: CandidateFitter, within: float | None = None) -> CandidateFitter:
-    """Fits of the same model with any of the same candidates, to whole simulated runs.
-
-    Or to runs that forget their errors within so many seconds.
-    """
-    return CandidateFitter(fitter.programs.simulating(within or math.inf))
 
 
 class Runs:
@@ -56,8 +46,8 @@ class Runs:
     def __init__(self, fitter: CandidateFitter, given: Model) -> None:
         self.origin = fitter
         horizons = schedule(given, fitter.records, "auto")
-        self.fitter = simulation_fitter(fitter, within=horizons[-1])
-        self._nearby, self._distant = map(self.fitter.programs.gains, (horizons[0], horizons[-1]))
+        self.fitter = fitter.simulating(horizons[-1] or math.inf)
+        self._nearby, self._distant = map(self.fitter.gains, (horizons[0], horizons[-1]))
 
     def near(
         self,
@@ -113,24 +103,18 @@ def fitted_to_runs(
 ) -> TrialFit:
     """The model of a stage, or with fewer effects, fitted to whole runs from its values."""
     names = last.effects if effects is None else tuple(effects)
-    return _fitted(fitter, names, {*last.effects} - {*names}, values_of(fitter, last))
+    return fitted_from(fitter, values_of(fitter, last), last.effects, names)
 
 
-def fitted_without(fitter: CandidateFitter, trial: TrialFit, effects: Sequence[str]) -> TrialFit:
-    """The model of a trial, or with fewer effects, fitted to whole runs from its values."""
-    return _fitted(fitter, effects, {*trial.effects} - {*effects}, trial.values)
-
-
-def _fitted(
+def fitted_from(
     fitter: CandidateFitter,
-    effects: Sequence[str],
-    absent: Collection[str],
     values: Mapping[str, float],
+    present: Sequence[str],
+    effects: Sequence[str],
 ) -> TrialFit:
-    for name in absent:
-        values = fitter.absent(name, values)
-    simulation = simulation_fitter(fitter)
-    return simulation.further(simulation.solve(effects, values, None, unclipped(fitter)))
+    """The model with some effects, of those present at some values, fitted to whole runs."""
+    start, simulation = fitter.absent({*present} - {*effects}, values), fitter.simulating()
+    return simulation.further(simulation.solve(effects, start, None, fitter.unclipped))
 
 
 def fitted_beside(
@@ -151,123 +135,63 @@ def fitted_beside(
     lacking = {
         n: v for n, v in trial_values.items() if n in still or n not in last.fit.model.parameters
     }
-    simulation, clip = simulation_fitter(fitter), unclipped(fitter)
+    simulation, clip = fitter.simulating(), fitter.unclipped
     ends = []
     for values in (trial_values, lacking):
         start: Mapping[str, float] = {**stage_values, **values}
-        for name in {*last.effects, *trial.effects} - {*effects}:
-            start = fitter.absent(name, start)
+        start = fitter.absent({*last.effects, *trial.effects} - {*effects}, start)
         ends.append(simulation.solve(effects, start, None, clip, _FEW, still))
     best = min(ends, key=lambda end: end.expected)
     return simulation.solve(effects, best.values, best.initial_states, clip, still=still)
 
 
-class SimulationErrors(NamedTuple):
-    """Errors of a trial over whole runs, as `Stage` has those of a fit.
-
-    Args:
-        train: errors on training logs.
-        holdout: on unseen ones.
-    """
-
-    train: Errors
-    holdout: Errors | None
-
-
-class SimulationChange(NamedTuple):
-    """Errors over whole runs without and with a change of the model.
-
-    Args:
-        before: errors without it.
-        after: errors with it.
-        worth: share that it explains, on unseen logs if there are any.
-        everywhere: share that it explains on training and unseen logs together.
-    """
-
-    before: SimulationErrors
-    after: SimulationErrors
-    worth: Worth
-    everywhere: Worth
-
-
-def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> SimulationChange:
-    """The errors over whole runs of two trials, and what the second explains more."""
-    simulation = simulation_fitter(fitter)
-    baseline, updated = _runs(simulation, first, second), _runs(simulation, second, first)
-    trained = _pairs(baseline.trained, updated.trained)
-    unseen = _pairs(baseline.unseen, updated.unseen)
-    return SimulationChange(
-        before=baseline.errors,
-        after=updated.errors,
-        worth=explained_share(unseen or trained),
-        everywhere=explained_share([*trained, *unseen]),
-    )
+def change_between(fitter: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
+    """What the second of two trials removes of the first one's squared error over whole runs."""
+    return worth_of(*_errors_of_both(fitter.simulating(), first, second))
 
 
 def share_between(simulation: CandidateFitter, first: TrialFit, second: TrialFit) -> Worth:
     """The share of the first trial's errors that the second removes, on unseen logs if any.
 
-    Over whole runs, or over those that forget: as the trials of the `simulation_fitter` run.
+    Over whole runs, or over those that forget: as the trials of `CandidateFitter.simulating` run.
     """
-    baseline, updated = _runs(simulation, first, second), _runs(simulation, second, first)
-    pairs = _pairs(baseline.unseen or baseline.trained, updated.unseen or updated.trained)
-    return explained_share(pairs)
+    trained, unseen = _errors_of_both(simulation, first, second)
+    return explained_share(unseen or trained)
 
 
-class _Runs(NamedTuple):
-    """Whole runs of a trial: measurements and errors by log and channel."""
+def _errors_of_both(
+    simulation: CandidateFitter, first: TrialFit, second: TrialFit
+) -> tuple[list[dict[str, BeforeAfter]], list[dict[str, BeforeAfter]]]:
+    """The errors of two trials over the training and the unseen logs, log by log and channel.
 
-    trained: _Residuals
-    unseen: _Residuals
-
-    @property
-    def errors(self) -> SimulationErrors:
-        return SimulationErrors(
-            _pooled(self.trained), _pooled(self.unseen) if self.unseen else None
-        )
-
-
-def _runs(simulation: CandidateFitter, trial: TrialFit, rival: TrialFit) -> _Runs:
-    """The runs of a trial, by a program that includes the effects of its rival.
-
-    Both are then integrated by the same code, and rounding makes no difference between them.
+    By a program that includes the effects of both: they are then integrated by the same code, and
+    rounding makes no difference between them.
     """
-    program = simulation.ready({*trial.effects, *rival.effects})
+    program = simulation.ready({*first.effects, *second.effects})
 
-    def residuals(problem: Problem) -> _Residuals:
-        pairs = (zip(log.measured, log.errors, strict=True) for log in passes(problem))
-        return [dict(zip(simulation.channels, of_log, strict=True)) for of_log in pairs]
+    def errors(problems: Sequence[Problem]) -> list[dict[str, BeforeAfter]]:
+        return [
+            {
+                name: BeforeAfter(a.measured[c], a.errors[c], b.errors[c])
+                for c, name in enumerate(simulation.channels)
+            }
+            for a, b in zip(*map(passes, problems), strict=True)
+        ]
 
-    def at_values(problem: Problem, starts: np.ndarray | None) -> Problem:
+    def at_values(problem: Problem, trial: TrialFit, starts: np.ndarray | None) -> Problem:
         return trial.clip.on(problem.focus(trial.names, trial.values, starts))
 
-    trained = residuals(at_values(program.problem, trial.initial_states))
+    both = first, second
+    trained = errors([at_values(program.problem, t, t.initial_states) for t in both])
     if program.unseen is None:
-        return _Runs(trained, [])
-    return _Runs(trained, residuals(with_own_values(at_values(program.unseen, None))))
-
-
-def _pairs(first: _Residuals, second: _Residuals) -> list[dict[str, BeforeAfter]]:
-    return [
-        {
-            name: BeforeAfter(measured, residual, updated[name][1])
-            for name, (measured, residual) in baseline.items()
-        }
-        for baseline, updated in zip(first, second, strict=True)
-    ]
-
-
-def _pooled(runs: _Residuals) -> Errors:
-    return errors({name: [run[name] for run in runs] for name in runs[0]})
+        return trained, []
+    unseen = [with_own_values(at_values(program.unseen, t, None)) for t in both]
+    return trained, errors(unseen)
 
 
 def values_of(fitter: CandidateFitter, stage: Stage) -> dict[str, float]:
     """The values of a stage, with absent effects at their nulls."""
-    program = simulation_fitter(fitter).ready(stage.effects)
+    program = fitter.simulating().ready(stage.effects)
     values = {n: p.value for n, p in program.problem.named.items()}
     fitted = {n: p.value for n, p in stage.fit.model.parameters.items() if n in values}
     return {**values, **fitted}
-
-
-def unclipped(fitter: CandidateFitter) -> ResidualClip:
-    return ResidualClip(np.full(len(fitter.channels), np.inf))

@@ -11,7 +11,7 @@ import numpy as np
 
 from diffthrust.diagnosis._candidates import with_candidates
 from diffthrust.diagnosis._criteria import missed, no_better
-from diffthrust.diagnosis._explained_share import Worth, explained_share, matters
+from diffthrust.diagnosis._explained_share import Worth, matters, worth_of
 from diffthrust.diagnosis._innovations_fit import with_values
 from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import FittedStage, SearchContext, SearchState
@@ -108,7 +108,7 @@ def _alike_or_apart(
 
 def _apart_where_it_matters(alike: FittedStage, apart: FittedStage) -> FittedStage:
     """Of two stages that with numbers by log, where these remove as much as an effect must."""
-    better = no_better(alike, apart) is None and matters(*worths_between(alike, apart))
+    better = no_better(alike, apart) is None and matters(worth_between(alike, apart))
     return apart if better or not math.isfinite(alike.train.nrmse) else alike
 
 
@@ -194,11 +194,12 @@ def ended_worse(stage: FittedStage, other: FittedStage, by: float = NOTICED) -> 
     return missed(other, stage)
 
 
-def worths_between(before: FittedStage, after: FittedStage) -> tuple[Worth, Worth]:
-    """What the second of two stages removes, on unseen logs if there are any, and on all."""
-    trained = errors_between(before.runs, after.runs)
-    unseen = errors_between(before.unseen_runs, after.unseen_runs)
-    return explained_share(unseen or trained), explained_share([*trained, *unseen])
+def worth_between(before: FittedStage, after: FittedStage) -> Worth:
+    """What the second of two stages removes of the squared error of the first."""
+    return worth_of(
+        errors_between(before.runs, after.runs),
+        errors_between(before.unseen_runs, after.unseen_runs),
+    )
 
 
 def errors_between(*models: Sequence[Run]) -> list[dict[str, tuple[np.ndarray, ...]]]:

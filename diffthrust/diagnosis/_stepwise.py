@@ -18,9 +18,8 @@ from functools import partial
 
 from diffthrust.diagnosis._admission import admit
 from diffthrust.diagnosis._candidates import of_effect
-from diffthrust.diagnosis._criteria import OverRuns
 from diffthrust.diagnosis._explained_share import Worth
-from diffthrust.diagnosis._findings import Refusal, TriedEffect
+from diffthrust.diagnosis._findings import Refusal, Stage, TriedEffect
 from diffthrust.diagnosis._innovations_fit import TrialFit, side_by_side
 from diffthrust.diagnosis._pairs import with_proven
 from diffthrust.diagnosis._rating import Tried, better_noise, rate, screen
@@ -31,11 +30,11 @@ from diffthrust.diagnosis._simulation_fit import (
     Runs,
     SimulationTrials,
     share_between,
-    unclipped,
     values_of,
 )
 from diffthrust.diagnosis._verdict import far_above_noise
 from diffthrust.estimation._horizons import schedule
+from diffthrust.estimation._result import Fit
 from diffthrust.simulation._starts import felt, told_by
 
 SCREENS = 3
@@ -202,10 +201,9 @@ def still_refused(context: SearchContext, state: SearchState, name: str) -> Refu
     return None if touched else why
 
 
-def simulation_is_poor(context: SearchContext, state: SearchState, last: OverRuns) -> bool:
+def simulation_is_poor(context: SearchContext, state: SearchState, last: Stage | Fit) -> bool:
     """Whether the whole-run errors of a stage or a fit are large and persistent."""
-    sigma = state.current.trial.quadratic.sigma
-    one_step = dict(zip(context.fitter.channels, map(float, sigma), strict=True))
+    one_step = context.fitter.sizes(state.current.trial)
     return bool(far_above_noise(last.holdout or last.train, one_step))
 
 
@@ -273,12 +271,8 @@ def _without_detectable(context: SearchContext, state: SearchState) -> SearchSta
     They must not take up the evidence of an effect that whole unseen runs prove: on the maps of a
     T200 a lag of the load cell, in a static table, took that of a weaker thrust astern.
     """
-    fitter, trial = context.fitter, state.current.trial
-    values = trial.values
-    for name in state.detectable:
-        values = fitter.absent(name, values)
-    kept = tuple(n for n in trial.effects if n not in state.detectable)
-    settled = fitter.settled(kept, values, trial.initial_states, trial.clip)
+    fitter = context.fitter
+    settled = fitter.settled_without(state.current.trial, state.detectable)
     return replace(state, current=CurrentModel(fitter, settled), detectable=())
 
 
@@ -290,7 +284,7 @@ def _trials(context: SearchContext, state: SearchState) -> SimulationTrials:
     """
     fitter, last = context.fitter, state.stages[-1]
     runs = Runs(fitter, context.given)
-    near = runs.near(last.effects, values_of(fitter, last), unclipped(fitter))
+    near = runs.near(last.effects, values_of(fitter, last), fitter.unclipped)
     names = [n for n in (*fitter.candidates, *fitter.constants) if n not in last.effects]
     started = screened(runs.fitter, names, near, levels_of(fitter, near))
     untried = [n for n in names if n not in started and n not in fitter.constants]

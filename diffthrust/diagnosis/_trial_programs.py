@@ -14,7 +14,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from threading import RLock
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -126,12 +126,12 @@ class Programs:
                 f"'{model}' and of the noise are to be estimated.",
                 "Give longer logs, or fix parameters.",
             )
-        self._lock, self._simulating = RLock(), dict[float, Programs]()
+        self._lock, self._simulating = RLock(), dict[float, Self]()
         self.joint = self.samples <= _SHORT and len(self.candidates) <= _FEW
         self._compiled = [self._program(self.candidates if self.joint else together)]
 
-    def simulating(self, within: float = math.inf) -> Programs:
-        """The programs of whole simulated runs, or of runs that forget their errors in time.
+    def simulating(self, within: float = math.inf) -> Self:
+        """The same for whole simulated runs, or for runs that forget their errors in time.
 
         They have no gains and memories to estimate: of a vessel with five channels 32, whose
         derivatives took most of the time of a trial. The effects that were tried one step ahead
@@ -139,7 +139,7 @@ class Programs:
         saves a sixth, two programs of 4 s each among it.
         """
         if within not in self._simulating:
-            self._simulating[within] = Programs(
+            self._simulating[within] = type(self)(
                 self.model,
                 list(self.candidates.values()),
                 self.records,
@@ -192,10 +192,7 @@ class Programs:
     ) -> Problem:
         """The problem of the model with some effects at their nulls, with all constants freed.
 
-        Args:
-            effects: names of the effects.
-            records: the logs.
-            least: the least number of coordinates that can be estimated together.
+        At ``least`` so many coordinates can be estimated together.
         """
         model, free = self.model.free(*self.constants), len(self.constants)
         for name in self.candidates:

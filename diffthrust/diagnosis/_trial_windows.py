@@ -36,9 +36,7 @@ _TOLD = 3
 def trial_windows(model: Model, runs: Sequence[Run]) -> tuple[Record, ...]:
     """The records of trials: those of the runs, or where these are long a window of each.
 
-    Args:
-        model: to which the records are bound.
-        runs: of the fitted model over the training logs: a window begins in its states.
+    A window begins in the states of its run.
     """
     records = tuple(run.record for run in runs)
     sizes = np.array([_measurements(record) for record in records], float)

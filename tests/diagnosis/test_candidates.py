@@ -30,6 +30,12 @@ def log(*, inputs=(), measured=("speed", "thrust")):
     )
 
 
+def sorted_out(wanted=None, logs=None, model=None):
+    """The effects to try in a model on some logs, and why the others cannot be tried."""
+    model = model or dft.Thruster()
+    return candidates_of(model, bind(model, logs or [log()]), wanted)
+
+
 class Ripple(dft.Effect):
     """A user's own effect."""
 
@@ -55,17 +61,13 @@ def installed(monkeypatch):
 
 
 def test_the_whole_catalogue_of_the_model_is_tried():
-    tried, untestable = candidates_of(
-        dft.Thruster(), bind(dft.Thruster(), [log(inputs=("inflow", "supply_voltage"))])
-    )
+    tried, untestable = sorted_out(logs=[log(inputs=("inflow", "supply_voltage"))])
     assert len(tried) == 26
     assert not untestable
 
 
 def test_what_a_log_lacks_is_told_by_channel():
-    tried, untestable = candidates_of(
-        dft.Thruster(), bind(dft.Thruster(), [log(measured=("speed",))])
-    )
+    tried, untestable = sorted_out(logs=[log(measured=("speed",))])
     assert "inflow" in untestable["inflow_thrust_loss"]
     assert "supply_voltage" in untestable["supply_voltage_sag"]
     assert "thrust" in untestable["thrust_sensor_lag"]
@@ -73,28 +75,26 @@ def test_what_a_log_lacks_is_told_by_channel():
 
 
 def test_a_channel_that_only_some_logs_have_does_not_count():
-    _, untestable = candidates_of(
-        dft.Thruster(), bind(dft.Thruster(), [log(inputs=("inflow",)), log()])
-    )
+    _, untestable = sorted_out(logs=[log(inputs=("inflow",)), log()])
     assert "inflow" in untestable["inflow_load_relief"]
 
 
 def test_a_channel_that_the_model_does_not_take_is_no_ground_for_a_trial():
     """A diagnosis of a DC motor on a log with its battery ended in a signal that is not there."""
     model = dft.DCMotorThruster()
-    tried, untestable = candidates_of(model, bind(model, [log(inputs=("supply_voltage",))]))
+    tried, untestable = sorted_out(logs=[log(inputs=("supply_voltage",))], model=model)
     assert "supply_voltage_sag" not in {effect.name for effect in tried}
     assert untestable["supply_voltage_sag"] == (
         "reads the channel 'supply_voltage', which the model dc_motor_thruster does not take"
     )
     model = dft.Thruster()
-    tried, _ = candidates_of(model, bind(model, [log(inputs=("supply_voltage",))]))
+    tried, _ = sorted_out(logs=[log(inputs=("supply_voltage",))], model=model)
     assert "supply_voltage_sag" in {effect.name for effect in tried}
 
 
 def test_effects_that_the_model_has_and_those_of_other_models_are_left_out():
     model = dft.Thruster() + dft.effects.LinearDamping()
-    tried, untestable = candidates_of(model, bind(model, [log()]))
+    tried, untestable = sorted_out(model=model)
     names = {e.name for e in tried} | set(untestable)
     assert "linear_damping" not in names
     assert "quadratic_surge_drag" not in names
@@ -102,19 +102,19 @@ def test_effects_that_the_model_has_and_those_of_other_models_are_left_out():
 
 def test_wanted_effects_by_name_class_and_object():
     wanted = ["command_delay", Ripple, dft.effects.CommandOffset(offset=0.1)]
-    tried, _ = candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]), wanted)
+    tried, _ = sorted_out(wanted)
     assert [e.name for e in tried] == ["command_delay", "ripple", "command_offset"]
 
 
 def test_a_single_candidate_and_one_given_twice_count_once():
     for wanted in ("command_delay", dft.effects.CommandDelay, ["command_delay"] * 2):
-        tried, _ = candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]), wanted)
+        tried, _ = sorted_out(wanted)
         assert [e.name for e in tried] == ["command_delay"]
 
 
 def test_what_is_no_effect_is_refused():
     with pytest.raises(dft.InputError, match="found 3"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]), [3])
+        sorted_out([3])
 
 
 class Unanchored(dft.Effect):
@@ -130,9 +130,9 @@ class Unanchored(dft.Effect):
 
 def test_an_effect_that_names_no_null_is_no_candidate(installed):
     with pytest.raises(dft.InputError, match=r"'unanchored' has no parameter with a null"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]), [Unanchored])
+        sorted_out([Unanchored])
     installed(EntryPoint("unanchored", f"{__name__}:Unanchored", "diffthrust.effects"))
-    tried, untestable = candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]))
+    tried, untestable = sorted_out()
     assert "null" in untestable["unanchored"]
     assert "unanchored" not in {e.name for e in tried}
 
@@ -150,42 +150,40 @@ class SpeedSensorMemory(dft.Effect):
 
 
 def test_a_memory_on_a_state_that_corrects_the_trials_cannot_be_tested():
-    _, untestable = candidates_of(
-        dft.Thruster(), bind(dft.Thruster(), [log()]), [SpeedSensorMemory]
-    )
+    _, untestable = sorted_out([SpeedSensorMemory])
     assert "reads the past of 'speed'" in untestable["speed_sensor_memory"]
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():
     with pytest.raises(dft.InputError, match="command_delay"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]), ["comand_delay"])
+        sorted_out(["comand_delay"])
 
 
 def test_a_wanted_effect_for_another_model_is_refused():
     with pytest.raises(dft.InputError, match="quadratic_surge_drag"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]), ["quadratic_surge_drag"])
+        sorted_out(["quadratic_surge_drag"])
 
 
 def test_effects_of_installed_packages_are_tried_too(installed):
     installed(EntryPoint("ripple", f"{__name__}:Ripple", "diffthrust.effects"))
-    tried, _ = candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]))
+    tried, _ = sorted_out()
     assert "ripple" in {e.name for e in tried}
 
 
 def test_an_entry_point_that_is_no_effect_or_takes_a_name_is_refused(installed):
     installed(EntryPoint("wrong", "math:pi", "diffthrust.effects"))
     with pytest.raises(dft.InputError, match=r"(?s)'wrong'.*no effect"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]))
+        sorted_out()
     installed(EntryPoint("again", "diffthrust.effects:CommandDelay", "diffthrust.effects"))
     with pytest.raises(dft.InputError, match=r"(?s)'command_delay'.*taken"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), [log()]))
+        sorted_out()
 
 
 def test_what_would_drive_a_prescribed_state_cannot_be_tested():
     time = np.arange(50) * 0.05
     speed = {"speed": 10.0 * np.sin(time), "command": np.sin(time)}
     given = dft.Log(time=time, inputs=speed, measured={"thrust": np.cos(time)})
-    tried, untestable = candidates_of(dft.Thruster(), bind(dft.Thruster(), [given]))
+    tried, untestable = sorted_out(logs=[given])
     assert {"axial_flow", "thrust_sensor_lag"} <= {effect.name for effect in tried}
     for name in ("linear_damping", "command_deadband", "actuator_lag"):
         assert "nothing that is measured depends on it" in untestable[name]
@@ -193,25 +191,21 @@ def test_what_would_drive_a_prescribed_state_cannot_be_tested():
 
 
 def test_what_no_channel_shows_cannot_be_tested():
-    _, untestable = candidates_of(dft.Thruster(), bind(dft.Thruster(), [log(measured=("speed",))]))
+    _, untestable = sorted_out(logs=[log(measured=("speed",))])
     assert "nothing that is measured depends on it" in untestable["cavitation"]
 
 
 def test_all_stands_for_the_catalogue_beside_effects_of_ones_own():
     logs = [log(measured=("speed",))]
-    every, lacking = candidates_of(dft.Thruster(), bind(dft.Thruster(), logs))
-    more, still = candidates_of(dft.Thruster(), bind(dft.Thruster(), logs), ["all", Ripple])
+    every, lacking = sorted_out(logs=logs)
+    more, still = sorted_out(["all", Ripple], logs=logs)
     assert [e.name for e in more] == [*(e.name for e in every), "ripple"]
     assert still == lacking
-    assert [
-        e.name for e in candidates_of(dft.Thruster(), bind(dft.Thruster(), logs), "all")[0]
-    ] == [e.name for e in every]
+    assert [e.name for e in sorted_out("all", logs=logs)[0]] == [e.name for e in every]
     with pytest.raises(dft.InputError, match=r"my_effect\.py:MyEffect"):
-        candidates_of(dft.Thruster(), bind(dft.Thruster(), logs), ["all", "ripple"])
+        sorted_out(["all", "ripple"], logs=logs)
     mine = dft.effects.CommandDeadband(half_width=1.0)
-    both = candidates_of(
-        dft.Thruster(), bind(dft.Thruster(), logs), [mine, "command_deadband", "all"]
-    )[0]
+    both = sorted_out([mine, "command_deadband", "all"], logs=logs)[0]
     assert [e.half_width for e in both if e.name == "command_deadband"] == [1.0]
 
 
@@ -230,18 +224,16 @@ def test_an_effect_that_is_called_like_a_parameter_is_refused_or_passed_over(mon
         measured={"surge": np.ones(50)},
     )
     with pytest.raises(dft.InputError, match=r"'lever_arm' is called like a parameter"):
-        candidates_of(dft.Vessel(), bind(dft.Vessel(), [log]), [Arm()])
-    assert candidates_of(dft.Vessel(), bind(dft.Vessel(), [log]), ["lever_arm"]) == (
-        [],
-        {},
-    )  # the constant itself
+        sorted_out([Arm()], logs=[log], model=dft.Vessel())
+    # the constant itself
+    assert sorted_out(["lever_arm"], logs=[log], model=dft.Vessel()) == ([], {})
     monkeypatch.setattr(  # one of an installed package stops nothing
         "diffthrust.diagnosis._candidates.catalogue", lambda: {"lever_arm": Arm}
     )
     told = {"lever_arm": "it is called like a parameter of the model"}
-    assert candidates_of(dft.Vessel(), bind(dft.Vessel(), [log])) == ([], told)
+    assert sorted_out(logs=[log], model=dft.Vessel()) == ([], told)
     with pytest.raises(dft.InputError, match="the nearest is 'lever_arm'"):
-        candidates_of(dft.Vessel(), bind(dft.Vessel(), [log]), ["lever_arn"])
+        sorted_out(["lever_arn"], logs=[log], model=dft.Vessel())
 
 
 LEVEL, WIDTH = 8.0, 9.0
@@ -313,14 +305,14 @@ def test_a_hypothesis_that_is_right_is_found_and_can_be_copied(tmp_path):
 def test_it_stands_beside_the_catalogue_and_is_tried_for_what_it_needs():
     model, (train, unseen) = dft.Thruster(), logs()
     sag = Formula("drive", "value * (1 + k * (supply_voltage - 24))", name="sag", k="1/V")
-    tried, untestable = candidates_of(model, bind(model, (train, unseen)), ["all", asked(), sag])
+    tried, untestable = sorted_out(["all", asked(), sag], logs=(train, unseen), model=model)
     assert [effect.name for effect in tried][-1] == "hump"
     assert len(tried) > 10
     assert untestable["sag"] == "needs the channel 'supply_voltage', which no log has"
     with pytest.raises(InputError, match="'sped' is no parameter"):
-        candidates_of(model, bind(model, (train,)), asked(text=f"{HUMP} * sped"))
+        sorted_out(asked(text=f"{HUMP} * sped"), logs=(train,), model=model)
     assert asked().name not in [
-        e.name for e in candidates_of(model + asked(), bind(model + asked(), (train,)), asked())[0]
+        e.name for e in sorted_out(asked(), logs=(train,), model=model + asked())[0]
     ]
 
 
@@ -331,7 +323,7 @@ def test_an_effect_that_reads_what_a_static_thruster_lacks_is_not_tried():
     time = 0.1 * np.arange(40)
     inputs = dict.fromkeys(boat.inputs, np.sin(time))
     log = dft.Log(time, inputs, {"velocity": 0.1 * np.sin(time)}, units=dict(boat.inputs))
-    tried, untestable = candidates_of(boat, bind(boat, [log]))
+    tried, untestable = sorted_out(logs=[log], model=boat)
     for name in ("cavitation", "a.cavitation"):
         assert "reads the signal speed" in untestable[name]
     assert {"b.command_deadband", "thrust_degradation"} <= {effect.name for effect in tried}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from steps import CandidateFitter, Programs, added, bind, candidates_of, probes, shift_of
+from steps import CandidateFitter, added, bind, candidates_of, probes, shift_of
 
 import diffthrust as dft
 
@@ -54,7 +54,7 @@ def test_placed_effects_of_the_catalogue_are_not_the_users_own(craft, record):
 @pytest.mark.parametrize("word", ["command_deadband", "actuator_lag"])
 def test_one_program_serves_an_effect_on_every_thruster(craft, record, word):
     effects = [*craft.placements(dft.effects.EFFECTS[word]())]
-    fitter = CandidateFitter(Programs(craft, effects, record, []))
+    fitter = CandidateFitter(craft, effects, record, [])
     response, before = fitter.base().response, added.traces
     shifts = []
     for effect in effects:

@@ -28,7 +28,7 @@ from steps import (
     curve_fits,
     evidence,
     fitting,
-    form_values,
+    parameter_names,
     places_of,
     project_out,
     ranked_matches,
@@ -438,7 +438,8 @@ def test_parameters_of_forms_are_told_from_signals_of_their_names(signal):
     for match in ranked_matches({"": judged(LAWS["hump"])}):
         formula = as_formula(match, curve, "rad/s^2", "rad/s", "")
         assert formula.reads == ((signal,) if match.form.name != "constant" else ())
-        own = form_values(match.form, formula)
+        names = zip(parameter_names(match.form), formula.given, strict=False)
+        own = {n: getattr(formula, name) for n, name in names}
         assert own == pytest.approx({n: match.values[n] for n in own})
 
 
@@ -494,7 +495,7 @@ def low_battery(loss):
     seen = regressors_of(trials, trial)
     term = term_along(seen, "propeller", "supply_voltage", "speed", {})
     (curve,) = evidence.likely_curves(trials, trial, [term])
-    return with_jump(trials, trial, seen, curve).evidence, curve.evidence
+    return with_jump(trial, seen, curve).evidence, curve.evidence
 
 
 @pytest.mark.thorough
@@ -523,7 +524,7 @@ def test_what_a_parameter_does_already_leaves_nothing_at_a_held_input():
     records = bind(fit.model, hidden.train)
     trials, trial = compiled_fitter(fit, [], [], records, [], records)
     law = term_along(regressors_of(trials, trial), "drive", "speed", "value", {})
-    level = law.basis(Curve("drive", "speed", -1e4, 1e4))
+    level = law.basis(Curve("drive", "speed", -1e4, 1e4).basis)
     level = PortSeries(*([rows[:1] for rows in part] for part in level))
     ((left, _, alone),) = evidence.projected_information(trial, "drive", [level])
     assert left[0, 0] < 1e-9 * alone[0]

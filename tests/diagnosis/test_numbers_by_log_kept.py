@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from steps import CandidateFitter, Programs, bind, stage_fit_module
+from steps import CandidateFitter, bind, stage_fit_module
 
 import diffthrust as dft
 from diffthrust.estimation._one_step import cost  # private: without a search
@@ -55,12 +55,11 @@ def test_a_candidate_differs_by_log_where_it_is_present_alone():
     tares = [1.4, -0.9, 0.6]
     records = bind(dft.Thruster(), [run(k, tare) for k, tare in enumerate(tares)])
     offset = Tare().differing()
-    programs = Programs(dft.Thruster(), [offset], records[:2], records[2:])
-    fitter = CandidateFitter(programs)
+    fitter = CandidateFitter(dft.Thruster(), [offset], records[:2], records[2:])
     base = fitter.base()
     apart = np.zeros(base.at_values.local)
     apart[base.at_values.layout.local.index("thrust_sensor_offset.offset")] = 1.0
-    program = programs.ready((offset.name,)).problem
+    program = fitter.ready((offset.name,)).problem
 
     def at(effects, begin):
         return cost(base.clip.on(program.focus(fitter.moved(effects), base.values, begin)))
@@ -106,7 +105,7 @@ def test_a_current_that_is_nearly_the_same_in_all_logs_is_one_again(
         return SimpleNamespace(model=model, train=train, holdout=None), (), ()
 
     for name, answer in (
-        ("_refitted", apart), ("no_better", None), ("matters", matters), ("worths_between", ())
+        ("_refitted", apart), ("no_better", None), ("matters", matters), ("worth_between", None)
     ):  # fmt: skip
         monkeypatch.setattr(stage_fit_module, name, lambda *_, answer=answer: answer)
     monkeypatch.setattr(stage_fit_module, "stage_effects", lambda _: apart.effects)

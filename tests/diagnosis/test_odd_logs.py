@@ -16,7 +16,6 @@ from steps import (
     CandidateFitter,
     FittedStage,
     OddLog,
-    Programs,
     Slopes,
     bind,
     caution_words,
@@ -106,7 +105,7 @@ def said_by_a_fit(model, train, unseen):
     """The odd logs by a fit and its trial without candidates."""
     fit = dft.fit(model, train, starts=1, doubts=False)
     trials = CandidateFitter(
-        Programs(fit.model, [], bind(fit.model, train), bind(fit.model, unseen), fit.substeps)
+        fit.model, [], bind(fit.model, train), bind(fit.model, unseen), fit.substeps
     )
     trained = dft.compare(fit, train, initial=fit.initial).runs
     runs = (*trained, *dft.compare(fit, unseen).runs)
@@ -290,7 +289,7 @@ def test_corrections_that_run_away_do_not_stop_a_diagnosis(spike):
     log = dft.Log(log.time, log.inputs, {**log.measured, "speed": speed})
     fit = dft.fit(dft.Thruster(), log, loss="student_t", doubts=False)
     assert fit.status.ok
-    begun = CandidateFitter(Programs(fit.model, [], bind(fit.model, [log]), [])).base()
+    begun = CandidateFitter(fit.model, [], bind(fit.model, [log]), []).base()
     assert math.isfinite(begun.cost)
     for name in ("alpha", "beta", "ct"):  # and the spike did not take it anywhere
         assert begun.values[name] == pytest.approx(fit.parameters[name].value, rel=0.02)

@@ -106,7 +106,7 @@ def searched(monkeypatch):
 
         def share_between(fitter, first, second):
             before, after = (stage(sizes.get(trial.effects, 1.0)) for trial in (first, second))
-            return pairs_module.worths_between(before, after)[0]
+            return pairs_module.worth_between(before, after)
 
         def ended_worse(after, before):
             return after.fit.train.nrmse > before.fit.train.nrmse
@@ -173,7 +173,7 @@ def test_a_pair_is_proven_where_all_runs_are_better_by_far_and_unseen_ones_surel
     for each, factor in ((last, 1.0), (pair, blocks), (hardly, blocks)):  # a third of it is worse
         trace = SimpleNamespace(measured=MEASURED, residual=0.5 * factor * RESIDUAL)
         each.unseen_runs[0].channels["speed"] = trace
-    assert 0.0 < pairs_module.worths_between(last, pair)[0].low < 0.1
+    assert 0.0 < pairs_module.worth_between(last, pair).low < 0.1
     assert pairs_module._is_proven(last, pair)
     assert not pairs_module._is_proven(last, hardly)
 

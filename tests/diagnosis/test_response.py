@@ -13,7 +13,6 @@ from steps import (
     Clock,
     CurrentModel,
     FittedStage,
-    Programs,
     Refit,
     Refusal,
     SearchContext,
@@ -29,14 +28,14 @@ from steps import (
     refitted_rivals,
     search_start_module,
     shift_of,
-    simulation_fitter,
+    simulation_errors,
     told_apart,
     trial_programs_module,
     unrefuted,
     why_untestable,
     with_equivalents,
     with_finer_steps,
-    worths_between,
+    worth_between,
 )
 from trajectories import runs_over
 
@@ -59,13 +58,11 @@ def trials():
                 for n, v in record.measured.items()}  # fmt: skip
         logs.append(dft.Log(record.time, record.inputs, seen))
     made = CandidateFitter(
-        Programs(
-            dft.Thruster(),
-            [dft.effects.EFFECTS[n]() for n in (*NAMES, *BESIDE)],
-            bind(dft.Thruster(), logs),
-            [],
-            substeps=2,
-        )
+        dft.Thruster(),
+        [dft.effects.EFFECTS[n]() for n in (*NAMES, *BESIDE)],
+        bind(dft.Thruster(), logs),
+        [],
+        substeps=2,
     )
     return made, made.base()
 
@@ -73,7 +70,7 @@ def trials():
 @pytest.fixture(scope="module")
 def simulated(trials):
     made, _ = trials
-    return simulation_fitter(made).base()
+    return made.simulating().base()
 
 
 @pytest.mark.thorough
@@ -105,7 +102,7 @@ def test_trials_of_whole_runs_err_as_a_plain_simulation_does(trials, simulated):
     model = made.model.replace({n: simulated.values[n] for n in made.free})
     starts = simulated.at_values.numbers_by_log(simulated.at_values.start())
     runs = runs_over(model, made.records, initial=starts, substeps=2)
-    assert not simulation_fitter(made).nuisance
+    assert not made.simulating().nuisance
     for run, passed in zip(runs, simulated.passed, strict=True):
         for name, errors in zip(made.channels, passed.errors, strict=True):
             np.testing.assert_allclose(errors, run.channels[name].residual, atol=1e-9)
@@ -119,11 +116,11 @@ def test_a_trial_of_many_effects_over_whole_runs_has_a_response(trials, monkeypa
     """
     monkeypatch.setattr(trial_programs_module, "_SHORT", 0)
     made, base = trials
-    apart = Programs(made.model, list(made.candidates.values()), made.records, [], substeps=2)
-    made = CandidateFitter(apart)
+    apart = made.model, list(made.candidates.values()), made.records, []
+    made = CandidateFitter(*apart, substeps=2)
     names = (*NAMES, *BESIDE)
     values = {n: p.value for n, p in made.ready(names).problem.named.items()}
-    full = simulation_fitter(made).solve(names, {**values, **base.values}, None, base.clip, 1)
+    full = made.simulating().solve(names, {**values, **base.values}, None, base.clip, 1)
     assert len(full.names) > len(made.free) + len(names) - 1
     assert np.isfinite(full.response.cost)
 
@@ -208,9 +205,7 @@ def known():
     fit = dft.fit(dft.Thruster(), train, holdout=unseen, starts=2)
     names = ("coulomb_friction", "actuator_lag")
     effects = [dft.effects.EFFECTS[n]() for n in names]
-    trials = CandidateFitter(
-        Programs(fit.model, effects, bind(fit.model, train), bind(fit.model, unseen), 2)
-    )
+    trials = CandidateFitter(fit.model, effects, bind(fit.model, train), bind(fit.model, unseen), 2)
     return SimpleNamespace(
         train=train, unseen=unseen, trials=trials, stage=SimpleNamespace(effects=(), fit=fit)
     )
@@ -228,12 +223,12 @@ def test_a_trial_over_whole_runs_errs_as_a_fit_does(known):
     after = fitted_beside(trials, stage, settled_trial(trials, name), (name,))
     change = change_between(trials, before, after)
     with_it = dft.fit(dft.Thruster() + name, known.train, holdout=known.unseen, starts=2)
-    for trial, fit in ((change.before, stage.fit), (change.after, with_it)):
-        assert trial.train.nrmse == pytest.approx(fit.train.nrmse, rel=0.02)
-        assert trial.holdout.nrmse == pytest.approx(fit.holdout.nrmse, rel=0.02)
+    for trial, fit in ((before, stage.fit), (after, with_it)):
+        errors = simulation_errors(trials.simulating(), trial)
+        assert errors == pytest.approx((fit.train.nrmse, fit.holdout.nrmse), rel=0.02)
     squares = [fit.holdout.nrmse**2 for fit in (stage.fit, with_it)]
-    assert change.worth.share == pytest.approx(1 - squares[1] / squares[0], abs=0.02)
-    assert change.worth.low > 0.1
+    assert change.share == pytest.approx(1 - squares[1] / squares[0], abs=0.02)
+    assert change.low > 0.1
 
 
 @pytest.mark.thorough
@@ -241,7 +236,7 @@ def test_what_is_not_there_is_worth_nothing(known):
     trials, name = known.trials, "actuator_lag"
     before = fitted_to_runs(trials, known.stage)
     after = fitted_beside(trials, known.stage, settled_trial(trials, name), (name,))
-    assert abs(change_between(trials, before, after).worth.share) < 0.05
+    assert abs(change_between(trials, before, after).share) < 0.05
 
 
 @pytest.mark.thorough
@@ -277,18 +272,17 @@ def test_trials_take_as_many_integrator_steps_as_the_last_stage_needs():
     train, unseen = (tuple(bind(given, each)) for each in (logs[:2], logs[2:]))
     refit = Refit(train, unseen, {"seed": 0}, Clock())
     first, stage = FittedStage((), *refit(given)), FittedStage((effect,), *refit(truth, starts=1))
-    programs = Programs(given, [dft.effects.EFFECTS[effect]()], train, unseen, 1)
-    coarse = CandidateFitter(programs)
-    context = SearchContext(given, coarse, unseen, refit, {}, lambda *_: None, Clock())
+    coarse = CandidateFitter(given, [dft.effects.EFFECTS[effect]()], train, unseen, 1)
+    context = SearchContext(given, coarse, unseen, refit, {}, lambda *_: None)
     current = CurrentModel(coarse, settled_trial(coarse, effect))
     state = SearchState(current, (first, stage), {})
 
     finer, updated = with_finer_steps(context, state)
-    assert 1 < finer.fitter.programs.substeps <= stage.fit.substeps
+    assert 1 < finer.fitter.substeps <= stage.fit.substeps
     assert updated.current.trial.cost < state.current.trial.cost - 10.0
     trial = fitted_to_runs(finer.fitter, stage)
-    change = change_between(finer.fitter, trial, trial)
-    assert change.after.train.nrmse == pytest.approx(stage.train.nrmse, rel=0.02)
+    trained, _ = simulation_errors(finer.fitter.simulating(), trial)
+    assert trained == pytest.approx(stage.train.nrmse, rel=0.02)
     assert with_finer_steps(finer, updated) == (finer, updated)
 
 
@@ -314,8 +308,10 @@ def test_a_rival_that_was_as_good_is_fitted_anew_in_the_last_stage(known, monkey
         assert near_over_whole_runs(context, later, effect, ()) == {}
         rivals = {other: settled_trial(trials, other)}
         refitted = refitted_rivals(context, stages[1], effect, rivals)
-        worths = {rival: worths_between(s, stages[1]) for rival, s in refitted.items()}
-        assert [r for r, ahead in worths.items() if not told_apart(None, *ahead)] == alike
+        worths = {rival: worth_between(s, stages[1]) for rival, s in refitted.items()}
+        assert [
+            r for r, ahead in worths.items() if not told_apart(None, ahead, ahead.of_all)
+        ] == alike
 
 
 @pytest.mark.thorough

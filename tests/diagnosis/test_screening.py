@@ -55,9 +55,7 @@ def trials():
     fit = dft.fit(dft.Thruster(), logs, starts=2)
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "thrust_sensor_offset", "command_saturation")
-    made = CandidateFitter(
-        Programs(fit.model, [known[n]() for n in names], bind(fit.model, logs), [])
-    )
+    made = CandidateFitter(fit.model, [known[n]() for n in names], bind(fit.model, logs), [])
     return made, made.base()
 
 
@@ -162,7 +160,7 @@ def test_series_that_go_through_the_logs_together_are_tested_as_each_alone():
         record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
         record.measured["thrust"][rng.random(count) < 0.1] = np.nan
         logs.append(dft.Log(record.time, record.inputs, record.measured))
-    made = CandidateFitter(Programs(model, [], bind(model, logs), []))
+    made = CandidateFitter(model, [], bind(model, logs), [])
     base = made.base()
     lengths = [record.log.time.size for record in made.records]
     sets = [[rng.standard_normal((knots, n)) for n in lengths] for knots in (6, 2, 30)]
@@ -182,7 +180,7 @@ def test_an_effect_at_its_null_is_idle(trials):
     values = {**base.values, "coulomb_friction.level": 20.0}
     there = made.solve(("coulomb_friction",), values, None, base.clip)
     assert not is_at_null(made, there)
-    assert is_at_null(made, replace(there, values=made.absent("coulomb_friction", there.values)))
+    assert is_at_null(made, replace(there, values=made.absent(["coulomb_friction"], there.values)))
 
 
 @pytest.mark.slow
@@ -195,7 +193,7 @@ def test_an_instant_is_found_wherever_it_lies():
     record = noise.measure(record, rng, speed=noise.Sensor(0.3), thrust=noise.Sensor(0.2))
     log = dft.Log(record.time, record.inputs, record.measured)
     made = CandidateFitter(
-        Programs(dft.Thruster(), [dft.effects.ThrustDegradation()], bind(dft.Thruster(), [log]), [])
+        dft.Thruster(), [dft.effects.ThrustDegradation()], bind(dft.Thruster(), [log]), []
     )
     base = made.base()
     found = screened(made, ["thrust_degradation"], base, levels_of(made, base))
@@ -218,7 +216,7 @@ def test_a_limit_that_cuts_only_the_highest_commands_is_found():
     record = noise.measure(record, rng, speed=noise.Sensor(0.05), thrust=noise.Sensor(0.05))
     log = dft.Log(record.time, {"command": command}, record.measured)
     made = CandidateFitter(
-        Programs(dft.Thruster(), [dft.effects.CommandSaturation()], bind(dft.Thruster(), [log]), [])
+        dft.Thruster(), [dft.effects.CommandSaturation()], bind(dft.Thruster(), [log]), []
     )
     base = made.base()
     found = screened(made, ["command_saturation"], base, levels_of(made, base))
@@ -236,7 +234,7 @@ def test_trials_of_a_few_effects_share_one_compilation(trials):
     made.settled(("coulomb_friction",), base.values, base.initial_states, base.clip)
     assert compilations("solved") == before
     fresh = CandidateFitter(
-        Programs(made.model, list(made.candidates.values()), made.records[:1], [], substeps=3)
+        made.model, list(made.candidates.values()), made.records[:1], [], substeps=3
     )
     fresh.base()
     assert compilations("solved") == before + 1  # from the first guess to the last limit of errors
@@ -252,7 +250,7 @@ def test_what_promises_nothing_is_neither_compiled_nor_fitted():
     known = dft.effects.EFFECTS
     names = ("coulomb_friction", "linear_damping", "actuator_lag", "command_offset")
     made = CandidateFitter(
-        Programs(dft.Thruster(), [known[n]() for n in names], bind(dft.Thruster(), [log]), [])
+        dft.Thruster(), [known[n]() for n in names], bind(dft.Thruster(), [log]), []
     )
     base = made.base()
     before = compilations("solved")
@@ -274,7 +272,7 @@ def test_large_errors_are_limited_only_where_they_are_spikes(what, reach):
     if what != "jolts":
         record.measured["speed"] = record.measured["speed"] + 10.0 * jolts
     log = dft.Log(record.time, {"command": command}, record.measured)
-    made = CandidateFitter(Programs(dft.Thruster(), [], bind(dft.Thruster(), [log]), []))
+    made = CandidateFitter(dft.Thruster(), [], bind(dft.Thruster(), [log]), [])
     assert made.base().clip.reach == reach
 
 

@@ -4,6 +4,7 @@ import itertools
 import math
 from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from hidden import sets
 from steps import (
     SCREENS,
     SETTINGS,
+    CandidateFitter,
     Clock,
     CurrentModel,
     FittedStage,
@@ -27,7 +29,7 @@ from steps import (
     done,
     effect_shares_module,
     from_simulation,
-    helps,
+    matters,
     next_stage,
     other_values,
     plainest_first,
@@ -277,6 +279,13 @@ def test_beside_several_that_change_nothing_those_that_gained_are_screened_first
     assert state.detectable == tuple(name for name in "abc" if name != matters)
 
 
+def leaving_out(**ways):
+    """Fits of trials that can leave effects out, by given ways to fit."""
+    fitter = SimpleNamespace(**ways)
+    fitter.settled_without = partial(CandidateFitter.settled_without, fitter)
+    return fitter
+
+
 @pytest.mark.parametrize(
     ("name", "low", "unseen"),
     [("sag", 0.2, ("C",)), ("sag", 0.05, ("C",)), ("sag", 0.2, ()), ("lag", 0.05, ())],
@@ -293,7 +302,10 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     def settled(effects, values, states, clip):
         return SimpleNamespace(effects=effects, values=values, initial_states=states, clip=clip)
 
-    fitter = SimpleNamespace(settled=settled, absent=lambda name, values: {**values, name: 0.0})
+    def absent(names, values):
+        return {**values, **dict.fromkeys(names, 0.0)}
+
+    fitter = leaving_out(settled=settled, absent=absent)
     words = {"given": None, "unseen": unseen, "say": lambda *_: None}
     words["clock"] = lambda _: nullcontext()
     context = SimpleNamespace(fitter=fitter, **words)
@@ -315,7 +327,7 @@ def test_what_whole_unseen_runs_prove_is_tried_without_what_changes_nothing(
     trials.are_of = lambda stage, programs: stage is last and programs is fitter
     assert from_simulation(context, ended).trials is trials
     assert len(made) == 1  # beside the same stage, with the same programs
-    other = SimpleNamespace(settled=settled, absent=fitter.absent)
+    other = leaving_out(settled=settled, absent=absent)
     from_simulation(SimpleNamespace(fitter=other, **words), ended)
     from_simulation(context, replace(ended, stages=(last, object())))
     assert len(made) == 3
@@ -334,7 +346,7 @@ def test_whole_runs_try_constants_too_from_all_numbers_of_the_model(monkeypatch)
 
     class Fitter:
         candidates = {"wind": SimpleNamespace(of_user=False)}
-        constants, least_gain = ("bow.slew_time",), 4.0
+        constants, least_gain, unclipped = ("bow.slew_time",), 4.0, None
 
         def settled(self, effects, values, states, clip):
             starts.append((effects, values))
@@ -347,7 +359,6 @@ def test_whole_runs_try_constants_too_from_all_numbers_of_the_model(monkeypatch)
         "runs_lead": lambda *_: False,
         "Runs": lambda *_: runs,
         "values_of": lambda *_: {},
-        "unclipped": lambda *_: None,
         "levels_of": lambda *_: {},
         "screened": lambda of, names, *_: screens.append(names) or {"bow.slew_time": single},
         "share_between": lambda *_: Worth(0.9, 0.8, 0.95),
@@ -699,13 +710,13 @@ def test_a_law_is_judged_as_an_effect_is():
     Of all runs the law surely removes two thirds.
     """
     of_all = Worth(0.67, 0.3, 0.9)
-    assert helps(Worth(0.41, -0.16, 0.77, everywhere=of_all))
-    assert not helps(Worth(0.41, -0.16, 0.77))
-    assert not helps(Worth(0.001, -0.16, 0.2, everywhere=of_all))
+    assert matters(Worth(0.41, -0.16, 0.77, everywhere=of_all))
+    assert not matters(Worth(0.41, -0.16, 0.77))
+    assert not matters(Worth(0.001, -0.16, 0.2, everywhere=of_all))
     alone = {"surge": Worth(0.5, 0.2, 0.8), "sway": Worth(0.0, -0.1, 0.1)}
     drowned = Worth(0.07, -0.01, 0.2, alone)
-    assert helps(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
-    assert not helps(Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned))  # a run diverges
+    assert matters(Worth(0.1, -0.3, 0.4, alone, everywhere=drowned))
+    assert not matters(Worth(-math.inf, -math.inf, 0.4, alone, everywhere=drowned))  # diverges
 
 
 def test_a_law_must_help_in_the_channel_in_which_it_enters():
@@ -714,10 +725,10 @@ def test_a_law_must_help_in_the_channel_in_which_it_enters():
     alone = {"surge": Worth(0.31, -0.12, 0.89), "yaw_rate": Worth(0.24, 0.1, 0.4)}
     drowned = Worth(0.07, -0.01, 0.2, alone)
     worth = Worth(0.1, -0.3, 0.4, alone, everywhere=drowned)
-    assert helps(worth)
-    assert helps(worth, "yaw_rate")
-    assert not helps(worth, "surge")
-    assert helps(Worth(0.2, 0.1, 0.3, alone), "surge")  # in all channels it is sure
+    assert matters(worth)
+    assert matters(worth, "yaw_rate")
+    assert not matters(worth, "surge")
+    assert matters(Worth(0.2, 0.1, 0.3, alone), "surge")  # in all channels it is sure
 
 
 @pytest.mark.parametrize(("low", "refusal"), [(-0.01, Refusal.NO_BETTER_RUNS), (0.005, None)])
@@ -728,7 +739,7 @@ def test_a_constant_needs_whole_runs_that_bear_its_value_out(monkeypatch, low, r
     def fitted_beside(fitter, last, trial, effects, still):
         held.append((effects, still))
 
-    change = SimpleNamespace(everywhere=Worth(0.02, low, 0.05))
+    change = Worth(0.02, low, 0.05)
     for name, work in (("fitted_to_runs", lambda *_: None), ("fitted_beside", fitted_beside),
                        ("change_between", lambda *_: change)):  # fmt: skip
         monkeypatch.setattr(admission_module, name, work)
@@ -867,8 +878,8 @@ def test_an_older_effect_that_a_fit_to_whole_runs_returns_to_its_null_leaves(
     trial = SimpleNamespace(
         effects=fitted.effects, values={"axial_flow.loss": 0.4}, initial_states=None, clip=None
     )
-    fitter = SimpleNamespace(
-        absent=lambda name, values: {**values, f"{name}.loss": 0.0},
+    fitter = leaving_out(
+        absent=lambda names, values: {**values, **{f"{name}.loss": 0.0 for name in names}},
         settled=lambda names, values, *further: SimpleNamespace(effects=names, values=values),
     )
     before = SimpleNamespace(effects=("axial_flow",), train=flowing(0.1, 0.5).train, holdout=None)

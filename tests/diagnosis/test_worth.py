@@ -73,13 +73,13 @@ def test_what_changes_nothing_is_rarely_sure_although_errors_last():
 def test_an_effect_matters_where_it_is_sure_and_more_than_a_trifle():
     sure, trifle = Worth(0.5, 0.3, 0.6), Worth(0.01, 0.005, 0.02)
     unsure = Worth(0.1, -0.1, 0.3)
-    assert matters(sure, sure)
-    assert not matters(trifle, trifle)
-    assert not matters(unsure, unsure)
-    assert matters(unsure, Worth(0.1, 0.05, 0.2))  # all logs together are sure
-    assert not matters(Worth(-0.02, -0.1, 0.1), Worth(0.1, 0.05, 0.2))  # unseen logs are no better
+    assert matters(sure)
+    assert not matters(trifle)
+    assert not matters(unsure)
+    assert matters(replace(unsure, everywhere=Worth(0.1, 0.05, 0.2)))  # all are sure
+    assert not matters(Worth(-0.02, -0.1, 0.1, everywhere=Worth(0.1, 0.05, 0.2)))  # unseen are not
     one = Worth(0.02, 0.01, 0.03, {"speed": Worth(0.0, 0, 0), "thrust": Worth(0.6, 0.5, 0.7)})
-    assert matters(one, one)  # a small channel gains by much
+    assert matters(one)  # a small channel gains by much
 
 
 def drowned(gain, loss=0.0):
@@ -91,17 +91,19 @@ def drowned(gain, loss=0.0):
 def test_a_channel_that_nothing_explains_drowns_no_other():
     """BlueBoat exchanged: the drag removes half of the surge error, -2 % (-11 % to 5 %) of all."""
     worth = drowned(0.61)
-    assert matters(worth, worth)
+    assert matters(worth)
     assert sure_share(worth).channel == "surge"
-    assert matters(drowned(0.61, loss=0.05), worth)  # the sway may well be as it was
-    assert not matters(drowned(0.08), drowned(0.08))  # not even a tenth
-    assert not matters(worth, Worth(0.0, -0.3, 0.3, drowned(0.05).channels))  # by chance
+    assert matters(
+        replace(drowned(0.61, loss=0.05), everywhere=worth)
+    )  # the sway may well be as it was
+    assert not matters(drowned(0.08))  # not even a tenth
+    assert not matters(replace(worth, everywhere=drowned(0.05)))  # by chance
     worse = {**worth.channels, "sway": Worth(-0.2, -0.4, -0.1)}
     assert harms(Worth(-0.1, -0.3, 0.1, worse))
     assert not harms(worth)
-    assert not matters(worth, Worth(-0.1, -0.3, 0.1, worse))
+    assert not matters(replace(worth, everywhere=Worth(-0.1, -0.3, 0.1, worse)))
     blind = {**worse, "sway": replace(worse["sway"], nrmse=1.2)}  # no better than a constant
-    assert matters(worth, Worth(-0.1, -0.3, 0.1, blind))
+    assert matters(replace(worth, everywhere=Worth(-0.1, -0.3, 0.1, blind)))
 
 
 def test_more_than_all_is_told_only_where_nothing_else_is_sure():
@@ -114,11 +116,13 @@ def test_more_than_all_is_told_only_where_nothing_else_is_sure():
 
 def test_a_trial_of_whole_runs_that_shows_any_change_leaves_it_to_a_fit():
     nothing = Worth(0.01, -0.1, 0.1, {"surge": Worth(0.05, 0.0, 0.1), "sway": Worth(0.0, 0, 0)})
-    assert negligible(nothing, nothing)
+    assert negligible(nothing)
     early = {"surge": Worth(0.52, -0.02, 0.77), "yaw_rate": Worth(-0.63, -4.92, 0.66)}
-    assert not negligible(nothing, Worth(0.02, -0.4, 0.3, early))  # unsure, and large
-    assert not negligible(Worth(-0.2, -0.4, -0.1), nothing)  # worse
-    assert not negligible(Worth(np.nan, np.nan, np.nan), nothing)
+    assert not negligible(
+        replace(nothing, everywhere=Worth(0.02, -0.4, 0.3, early))
+    )  # unsure, and large
+    assert not negligible(Worth(-0.2, -0.4, -0.1, everywhere=nothing))  # worse
+    assert not negligible(Worth(np.nan, np.nan, np.nan, everywhere=nothing))
 
 
 def test_a_share_is_said_of_what_it_is_surely_a_share_of():
@@ -141,6 +145,10 @@ def test_of_noise_next_to_nothing_matters_and_of_what_is_there_most():
 
     Where it removes a quarter of a small channel, in 90 % of 50 at least.
     """
+
+    def unseen_and_all(logs, seed):
+        return replace(explained_share(logs[:1], seed), everywhere=explained_share(logs, seed))
+
     false = right = 0
     for seed in range(200):
         rng = np.random.default_rng(seed)
@@ -154,9 +162,9 @@ def test_of_noise_next_to_nothing_matters_and_of_what_is_there_most():
             logs.append(log)
             seen, before, after = log["surge"]
             helped.append({**log, "surge": BeforeAfter(seen, before, 0.85 * after)})
-        false += matters(explained_share(logs[:1], seed), explained_share(logs, seed))
+        false += matters(unseen_and_all(logs, seed))
         if seed < 50:
-            right += matters(explained_share(helped[:1], seed), explained_share(helped, seed))
+            right += matters(unseen_and_all(helped, seed))
     assert false <= 6
     assert right >= 45
 

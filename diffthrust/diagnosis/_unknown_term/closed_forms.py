@@ -220,11 +220,7 @@ class Match(NamedTuple):
 
 
 def ranked_matches(evidence: Mapping[str, LinearizedEvidence]) -> list[Match]:
-    """Each form where it makes one-step errors likeliest, the likeliest first.
-
-    Args:
-        evidence: what one-step errors say of the shapes of a law, by its factor.
-    """
+    """Each form, by each factor of a law, where one-step errors are likeliest, in that order."""
     matches = [
         best_match(form, of_shapes)._replace(times=times)
         for times, of_shapes in evidence.items()
@@ -367,12 +363,6 @@ def as_estimated(formula: Formula) -> Formula:
         if "size" in fields:
             parameters[name]["size"] = abs(value) or fields["size"]
     return Formula(formula.port, formula.expression, name=formula.name, **parameters)
-
-
-def form_values(form: Form, formula: Formula) -> dict[str, float]:
-    """The parameters of a form, by its own names, in the formula that was made of it."""
-    names = zip(parameter_names(form), formula.given, strict=False)
-    return {n: getattr(formula, name) for n, name in names}
 
 
 def parameter_names(form: Form) -> tuple[str, ...]:

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from diffthrust.diagnosis._effect_shares import shares_by_steps
-from diffthrust.diagnosis._explained_share import Worth
+from diffthrust.diagnosis._explained_share import Worth, worth_of
 from diffthrust.diagnosis._innovations_fit import CandidateFitter, TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._residual_structure import downstream_ports
+from diffthrust.diagnosis._residual_structure import place_of
 from diffthrust.diagnosis._search_start import few_substeps
 from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
+from diffthrust.diagnosis._stage_fit import errors_between
 from diffthrust.diagnosis._unknown_term.closed_forms import as_estimated
 from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve
 from diffthrust.diagnosis._unknown_term.terms import (
@@ -54,11 +54,7 @@ to whole runs at once, ended a turn off, at 30 times the error of its true struc
 def quick_fit(context: SearchContext, baseline: Fit, model: Model, segments: bool = False) -> Fit:
     """A model fitted from its present values, with the fewest integrator steps that serve another.
 
-    Args:
-        context: what the search works with.
-        baseline: the fit whose model tells how many integrator steps serve.
-        model: the model.
-        segments: whether it is fitted to segments first.
+    That of the ``baseline``. With ``segments`` it is fitted to such first.
     """
     substeps = few_substeps(baseline, context.records)
     horizons = _horizons(context) if segments and model.horizon is None else None
@@ -76,32 +72,25 @@ def _horizons(context: SearchContext) -> tuple[float | None, ...]:
 
 
 def worth_between_fits(context: SearchContext, baseline: Fit, updated: Fit) -> Worth:
-    """The share of a fit's whole-run error that another removes.
-
-    On unseen logs if there are any, and on all of them.
-    """
+    """The share of a fit's whole-run error that another removes."""
     trained, unseen = (
-        [_runs_of(context, fit, part) for fit in (baseline, updated)] for part in (True, False)
+        errors_between(*(_runs_of(context, fit, part) for fit in (baseline, updated)))
+        for part in (True, False)
     )
-    return shares_by_steps(trained, unseen, [[1]])[0]
+    return worth_of(trained, unseen)
 
 
 def surely_better(context: SearchContext, fit: Fit, rival: Fit) -> bool:
     """Whether whole runs, training and unseen together, are surely better than a rival's."""
-    worth = worth_between_fits(context, rival, fit)
-    return (worth.everywhere or worth).low > 0
+    return worth_between_fits(context, rival, fit).of_all.low > 0
 
 
 def _runs_of(context: SearchContext, fit: Fit, trained: bool) -> tuple[Run, ...]:
     """The whole runs of a fit over the training logs, or over the unseen ones, if any."""
+    over = partial(runs_over, fit.model, substeps=fit.substeps)
     if trained:
-        records, initial = context.records, fit.initial
-    else:
-        records, initial = context.unseen, None
-    if not records:
-        return ()
-    noise = None if trained else fit.noise_of_runs
-    return runs_over(fit.model, records, initial=initial, substeps=fit.substeps, noise=noise)
+        return over(context.records, initial=fit.initial)
+    return over(context.unseen, noise=fit.noise_of_runs) if context.unseen else ()
 
 
 def error_within(fit: Fit, reference: Fit, factor: float) -> bool:
@@ -119,11 +108,9 @@ def holdout_error_within(fit: Fit, reference: Fit, factor: float) -> bool:
 
 def reaches_noise_floor(context: SearchContext, trial: TrialFit, fit: Fit) -> bool:
     """Whether whole runs err as little as the one-step predictions of a trial."""
-    sizes = dict(zip(context.fitter.channels, trial.quadratic.sigma, strict=True))
-    return all(
-        fit.train.channels[n].rmse <= SETTINGS.unknown_term.noise_floor * s
-        for n, s in sizes.items()
-    )
+    most = SETTINGS.unknown_term.noise_floor
+    sizes = context.fitter.sizes(trial)
+    return all(fit.train.channels[n].rmse <= most * size for n, size in sizes.items())
 
 
 def fit_curve(
@@ -154,14 +141,13 @@ def fit_curve(
     if not fit.train.nrmse < baseline.train.nrmse:
         return None
     units = units_at(context.fitter, curve.port)
-    factors = term.factor_values
     return LearnedLaw(
         curve=curve,
         fit=fit,
         worth=worth_between_fits(context, baseline, fit),
         evidence=likely.evidence,
-        samples=np.concatenate(term.signal_values),
-        factors=None if factors is None else np.concatenate(factors),
+        samples=term.pooled,
+        factors=None if term.factor is None else np.concatenate(term.factor.current),
         signal_unit=unit_of(curve.signal, units),
         channel=channel_of(curve.signal, baseline.model),
         port_unit=units[ARRIVING],
@@ -171,9 +157,8 @@ def fit_curve(
 
 def _driven_channel(fitter: CandidateFitter, port: str) -> str:
     """The measured channel that a port drives, or whose rate; "" if that is not measured."""
-    near = (p.target for p in fitter.places if port in (p.port, *downstream_ports(fitter, p)))
-    target = next(near, "")
-    return target if target in fitter.channels else ""
+    place = place_of(fitter, port)
+    return place.target if place and place.target in fitter.channels else ""
 
 
 def term_of(context: SearchContext, trial: TrialFit, curve: Curve) -> Term:
@@ -243,8 +228,7 @@ def _with_curve(context: SearchContext, baseline: Fit, curve: Curve) -> tuple[Fi
 
 def _moved_range(term: Term, curve: Curve) -> tuple[float, float] | None:
     """The range of a term's signal, if it differs from that of its curve."""
-    low = float(min(map(np.min, term.signal_values)))
-    high = float(max(map(np.max, term.signal_values)))
+    low, high = float(term.pooled.min()), float(term.pooled.max())
     beyond, span = max(curve.low - low, high - curve.high), curve.high - curve.low
     moved = beyond > _RANGE_EXCEEDED * span or high - low < (1.0 - _RANGE_UNUSED) * span
     return (low, high) if moved and low < high else None

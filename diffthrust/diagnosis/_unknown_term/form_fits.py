@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from diffthrust.diagnosis._explained_share import helps
+from diffthrust.diagnosis._explained_share import matters
 from diffthrust.diagnosis._innovations_fit import TrialFit
 from diffthrust.diagnosis._learned import LearnedLaw, TriedForm
-from diffthrust.diagnosis._residual_structure import downstream_ports
+from diffthrust.diagnosis._residual_structure import place_of
 from diffthrust.diagnosis._search_state import SearchContext
 from diffthrust.diagnosis._settings import SETTINGS
 from diffthrust.diagnosis._unknown_term.closed_forms import (
@@ -59,13 +59,7 @@ def try_closed_forms(
     """A law with the closed forms that were fitted in its curve's place, and its name if one fits.
 
     A form names the law if whole unseen runs err as little with it, but for a tenth (a curve bends
-    as noise does), and if whole runs surely err less with it (`helps`).
-
-    Args:
-        context: what the search works with.
-        baseline: the fit without the law.
-        trial: the trial beside which it was learned.
-        law: the law, as a curve.
+    as noise does), and if whole runs surely err less with it (`matters`).
     """
     tried = sorted(_fitted_forms(context, baseline, trial, law), key=lambda form: form.bic)
     if tried:
@@ -75,7 +69,7 @@ def try_closed_forms(
         first = _plainest(equivalent, _usually_adds(context, law.curve.port))
         tried.sort(key=lambda form: form is not first)
     law = replace(law, forms=tuple(tried), named=False)
-    if not tried or not _may_name(tried[0], law):
+    if not tried or not _errs_as_little(tried[0], law):
         return law
     named = replace(law, named=True, worth=worth_between_fits(context, baseline, tried[0].fit))
     return named if named.helps else law
@@ -97,12 +91,8 @@ def _leading_form(context: SearchContext, tried: Sequence[TriedForm]) -> TriedFo
     return leader
 
 
-def _errs_as_little(form: TriedForm, rival: TriedForm) -> bool:
+def _errs_as_little(form: TriedForm, rival: TriedForm | LearnedLaw) -> bool:
     return holdout_error_within(form.fit, rival.fit, SETTINGS.whole_runs.equivalent_error)
-
-
-def _may_name(form: TriedForm, law: LearnedLaw) -> bool:
-    return holdout_error_within(form.fit, law.fit, SETTINGS.whole_runs.equivalent_error)
 
 
 def _fitted_forms(
@@ -130,7 +120,7 @@ def _fitted_forms(
             match.form.companion,
         )  # fmt: skip
         worth = worth_between_fits(context, baseline, fit)
-        if _does_as_well(context, fit, law) and helps(worth, law.driven):
+        if _does_as_well(context, fit, law) and matters(worth, law.driven):
             enough = min(enough, _parameter_count(match))
             least_criterion = min(least_criterion, criterion)
 
@@ -196,15 +186,13 @@ def _equivalent_forms(
     if context.unseen:  # a form that errs a tenth more there has lost already
         near = (f for f in near if _errs_as_little(f, best))
     equivalent = [best, *(f for f in near if not surely_better(context, best.fit, f.fit))]
-    return [form for form in equivalent if _may_name(form, law)] or equivalent
+    return [form for form in equivalent if _errs_as_little(form, law)] or equivalent
 
 
 def _plainest(forms: Sequence[TriedForm], adds: bool) -> TriedForm:
     """The likeliest of the forms of fewest parameters, or the most usual of those near to it.
 
-    Args:
-        forms: the forms.
-        adds: whether laws at their port usually add.
+    ``adds``: whether laws at their port usually add.
     """
     fewest = min(len(form.formula.declared) for form in forms)
     plain = [form for form in forms if len(form.formula.declared) == fewest]
@@ -223,9 +211,8 @@ def _usually_adds(context: SearchContext, port: str) -> bool:
 
     What is only measured, as a propeller's thrust, usually loses a share.
     """
-    fitter = context.fitter
-    driving = (place for place in fitter.places if place.state)
-    return any(port in (place.port, *downstream_ports(fitter, place)) for place in driving)
+    place = place_of(context.fitter, port)
+    return place is not None and place.state is not None
 
 
 def _whole_run_evidence(law: LearnedLaw) -> LinearizedEvidence | None:
@@ -276,13 +263,11 @@ def _evidence_by_factor(
     """What one-step errors say of a curve's shapes, with its own factor, none, and what arrives."""
     regressors = regressors_of(context.fitter, trial)
     parameters = {n: {"value": getattr(curve, n)} for n in curve.given}
-    factors = [f for f in dict.fromkeys((curve.times, "", ARRIVING)) if _may_scale(f, curve)]
+    factors = dict.fromkeys((curve.times, "", ARRIVING))
+    if curve.signal == ARRIVING:
+        del factors[ARRIVING]
     terms = [term_along(regressors, curve.port, curve.signal, f, parameters) for f in factors]
-    return {term.times: linearized_evidence(context.fitter, trial, term) for term in terms}
-
-
-def _may_scale(factor: str, curve: Curve) -> bool:
-    return factor != ARRIVING or curve.signal != ARRIVING
+    return {term.times: linearized_evidence(trial, term) for term in terms}
 
 
 def _parameter_count(match: Match) -> int:

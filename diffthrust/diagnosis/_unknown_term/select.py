@@ -6,6 +6,7 @@ term may only have imitated it: they are put beside it, and eliminated if it doe
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from diffthrust._support.errors import InputError
@@ -20,14 +21,18 @@ from diffthrust.diagnosis._innovations_fit import (
     with_values,
 )
 from diffthrust.diagnosis._learned import LearnedLaw
-from diffthrust.diagnosis._missing import Remaining
-from diffthrust.diagnosis._residual_structure import downstream_ports
+from diffthrust.diagnosis._residual_structure import place_of
 from diffthrust.diagnosis._search_start import compiled_fitter, trial_substeps
 from diffthrust.diagnosis._search_state import LEARNING, CurrentModel, SearchContext, SearchState
 from diffthrust.diagnosis._settings import SETTINGS
-from diffthrust.diagnosis._simulation_fit import change_between, fitted_without
+from diffthrust.diagnosis._simulation_fit import change_between, fitted_from
 from diffthrust.diagnosis._stage_fit import refitted_stage
-from diffthrust.diagnosis._unknown_term.evidence import LikelyCurve, likely_curves, tune_memory
+from diffthrust.diagnosis._unknown_term.evidence import (
+    LikelyCurve,
+    likely_curves,
+    tune_memory,
+    with_jump,
+)
 from diffthrust.diagnosis._unknown_term.fit import (
     error_within,
     fit_curve,
@@ -36,7 +41,6 @@ from diffthrust.diagnosis._unknown_term.fit import (
     term_of,
 )
 from diffthrust.diagnosis._unknown_term.form_fits import try_closed_forms
-from diffthrust.diagnosis._unknown_term.jumps import with_jump
 from diffthrust.diagnosis._unknown_term.terms import (
     Term,
     product_terms,
@@ -57,13 +61,8 @@ def learned_law(
 ) -> tuple[SearchResult, LearnedLaw] | None:
     """The law that no known effect expresses, if structure is proven; ``None`` if none is sure.
 
-    Whole runs must surely be better with it, by the rule for effects (`helps`). Effects that were
+    Whole runs must surely be better with it, by the rule for effects (`matters`). Effects that were
     found without it are sought again beside it.
-
-    Args:
-        context: what the search worked with.
-        search: what it found without a law.
-        first: the trial of the model as given.
 
     Returns:
         What is missing beside the law, and the law.
@@ -71,7 +70,8 @@ def learned_law(
     state = search.state
     if state.current.remaining is None:
         return None
-    place, trial = _place(context, state.current.remaining), state.current.trial
+    place, trial = place_of(context.fitter, state.current.remaining.port), state.current.trial
+    assert place is not None  # the structure was found there
     initial, last = state.stages[0], state.stages[-1]
     base, law = initial, None
     if trial.effects:  # do they only imitate a law? then it gains as much beside the given model
@@ -178,14 +178,6 @@ def _doubt(law: LearnedLaw) -> tuple[bool, float]:
     return not law.helps, law.reported.train.nrmse
 
 
-def _place(context: SearchContext, remaining: Remaining) -> DrivingPort:
-    """The place whose errors the structure explains."""
-    fitter = context.fitter
-    return next(
-        p for p in fitter.places if remaining.port in (p.port, *downstream_ports(fitter, p))
-    )
-
-
 def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> list[LikelyCurve]:
     """The terms that are worth a fit, the likeliest first; of equals the plainest first."""
     fitter, space = context.fitter, term_space(context.fitter, trial, place)
@@ -202,36 +194,29 @@ def rank_terms(context: SearchContext, trial: TrialFit, place: DrivingPort) -> l
     curves = [curve for curve in distinct if curve.evidence <= least]
 
     def sharpened(curve: LikelyCurve) -> LikelyCurve:
-        tuned = tune_memory(fitter, trial, space.regressors, curve)
-        return with_jump(fitter, trial, space.regressors, tuned)
+        tuned = tune_memory(trial, space.regressors, curve)
+        return with_jump(trial, space.regressors, tuned)
 
     curves += side_by_side(sharpened, near)
     tied = max(curve.evidence for curve in curves) - SETTINGS.unknown_term.indifferent_evidence
+    curves = [c for c in curves if c.evidence > SETTINGS.unknown_term.least_evidence]
     curves.sort(key=lambda curve: (_plainness(curve.term), -curve.evidence))
-    first = [curve for curve in curves if curve.evidence >= tied]
-    remaining = [curve for curve in curves if curve.evidence < tied]
-    remaining.sort(key=lambda curve: -curve.evidence)
-    return [
-        curve
-        for curve in (*first, *remaining)
-        if curve.evidence > SETTINGS.unknown_term.least_evidence
-    ]
+    # of those tied with the likeliest the plainest is first
+    curves.sort(key=lambda c: -c.evidence if c.evidence < tied else -math.inf)
+    return curves
 
 
 def rival_of(likely: list[LikelyCurve], sure: bool) -> LikelyCurve | None:
     """The likeliest term of another signal, if it is so close that whole runs may prefer it.
 
-    Args:
-        likely: the terms, the likeliest first.
-        sure: whether the likeliest is surely worth something over whole runs.
+    It must be closer where these are ``sure`` of the likeliest.
     """
     first = likely[0]
     rivals = (curve for curve in likely[1:] if curve.term.signal != first.term.signal)
     apart = [curve for curve in rivals if abs(curve.evidence - first.evidence) >= _SAME_EVIDENCE]
     rival = max(apart, key=lambda curve: curve.evidence, default=None)
-    least = (
-        SETTINGS.unknown_term.close_evidence if sure else SETTINGS.unknown_term.rival_evidence
-    ) * first.evidence
+    rule = SETTINGS.unknown_term
+    least = (rule.close_evidence if sure else rule.rival_evidence) * first.evidence
     return rival if rival and rival.evidence > least else None
 
 
@@ -263,12 +248,6 @@ def backward_elimination(
     All effects that were found without the law are put beside it. An effect is dropped if the
     information criterion does not support it or if it changes nothing over whole runs: the law is
     an estimate, and its small errors look like small effects.
-
-    Args:
-        context: what the search worked with.
-        search: its result without the law.
-        first: the trial of the model as given.
-        law: as it was learned, beside the model as given or beside all that was found.
     """
     context.say("what is missing beside what was learned", LEARNING)
     state = search.state
@@ -280,7 +259,7 @@ def backward_elimination(
     current = drop(fitter, SearchState(current, state.stages[:1], {})).current
     trial = current.trial
     if trial.effects:
-        trial = fitted_without(fitter, trial, trial.effects)
+        trial = fitted_from(fitter, trial.values, trial.effects, trial.effects)
     relevant = {n for n in trial.effects if n in fitter.constants or _matters(fitter, trial, n)}
     kept = tuple(n for n in names if n in relevant)
     superfluous = tuple(n for n in names if n not in relevant)
@@ -315,9 +294,9 @@ def _start_elimination(
 
 def _matters(fitter: CandidateFitter, trial: TrialFit, name: str) -> bool:
     """Whether whole runs are surely better by an effect beside all others of a trial."""
-    remaining = tuple(n for n in trial.effects if n != name)
-    change = change_between(fitter, fitted_without(fitter, trial, remaining), trial)
-    return matters(change.worth, change.everywhere)
+    others = tuple(n for n in trial.effects if n != name)
+    without = fitted_from(fitter, trial.values, trial.effects, others)
+    return matters(change_between(fitter, without, trial))
 
 
 def _restrict_to(
@@ -326,11 +305,7 @@ def _restrict_to(
     """The state of the search without the law, with some of its effects only."""
     fitter, current = context.fitter, state.current.trial
     dropped = tuple(n for n in current.effects if n not in kept)
-    trial, values = first, dict(current.values)
-    if kept:
-        for name in dropped:
-            values = fitter.absent(name, values)
-        trial = fitter.settled(kept, values, current.initial_states, current.clip)
+    trial = fitter.settled_without(current, dropped) if kept else first
     state = replace(
         state,
         current=CurrentModel(fitter, trial),

@@ -98,14 +98,11 @@ class Fitted(NamedTuple):
 def state_terms(context: SearchContext, baseline: Fit) -> tuple[LearnedLaw, ...]:
     """The terms of states that whole runs lack, if one of these states is not measured.
 
-    Whole runs of unseen logs must surely be better with them.
-
-    Args:
-        context: what the search worked with.
-        baseline: the fit of the last stage, beside which they are missing.
+    Whole runs of unseen logs must surely be better with them than with the last stage.
     """
     fitter = context.fitter
-    states = _moving_states(context)
+    prescribed = context.records[0].inputs
+    states = [name for name in fitter.model.states if name not in prescribed]
     places = [place for place in fitter.places if place.state]
     hidden = [name for name in states if name not in fitter.channels]
     if are_tables(fitter.records):
@@ -122,12 +119,6 @@ def state_terms(context: SearchContext, baseline: Fit) -> tuple[LearnedLaw, ...]
     begin = _begin(search, selected)
     freed = search.fitted(selected.terms, selected.values, begin, _LONG, free_places=True)
     return _laws(context, baseline, search, _eliminated(search, freed, free_places=True))
-
-
-def _moving_states(context: SearchContext) -> list[str]:
-    """The states of the model's equations that no log prescribes."""
-    given = context.records[0].inputs
-    return [name for name in context.fitter.model.states if name not in given]
 
 
 class _Search(NamedTuple):
@@ -212,8 +203,10 @@ def library(
 ) -> tuple[list[Formula], tuple[StateTerm, ...]]:
     """One formula for each driving port with all its terms, at their null, and the terms."""
     places = [place for place in context.fitter.places if place.state]
-    path = {n: np.asarray(x) for n, x in _first_path(model, context.records[0]).items()}
-    readings = port_readings(model, path)
+    record = context.records[0]
+    inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
+    path = {"time": record.log.time, **inputs, **simulate_fixed(model, record, None, 1)}
+    readings = port_readings(model, {n: np.asarray(x) for n, x in path.items()})
     effects, terms = [], []
     for k, place in enumerate(places):
         level = float(np.sqrt(np.mean(readings[place.port] ** 2))) or 1.0
@@ -221,12 +214,6 @@ def library(
         effects.append(formula)
         terms += added
     return effects, tuple(terms)
-
-
-def _first_path(model: Model, record: Record) -> dict[str, np.ndarray]:
-    """All signals of a model over a log, as it simulates them."""
-    inputs = {n: record.at_samples(v) for n, v in record.inputs_for(model).items()}
-    return {"time": record.log.time, **inputs, **simulate_fixed(model, record, None, 1)}
 
 
 def _formula_of(
@@ -357,11 +344,8 @@ def _as_formula(
             "transform": "linear",
         }  # fmt: skip
         text = f"a * max({term.state} - b, 0)"
-    return Formula(term.port, text, name=f"{_name(number)}_form", **parameters)
-
-
-def _name(number: int) -> str:
-    return "curve" if number == 0 else f"curve{number + 1}"
+    name = "curve" if number == 0 else f"curve{number + 1}"
+    return Formula(term.port, text, name=f"{name}_form", **parameters)
 
 
 def _law(

@@ -23,7 +23,6 @@ from diffthrust.diagnosis._residual_structure import (
     varies,
     wave_along,
 )
-from diffthrust.effects._curve import Curve
 from diffthrust.effects._expression import values_along
 from diffthrust.effects._grammar import expression_of
 from diffthrust.logs._units import product_unit
@@ -58,7 +57,7 @@ Parameters = Mapping[str, Mapping[str, Any]]
 
 
 class PortSeries(NamedTuple):
-    """Series added at a port, log by log ``(K, T)``: at the samples, and as the next ones come."""
+    """Series at a port, log by log ``(T,)`` or ``(K, T)``: at the samples, and as the next come."""
 
     current: Sequence[np.ndarray]
     upcoming: Sequence[np.ndarray]
@@ -89,26 +88,21 @@ def regressors_of(fitter: CandidateFitter, trial: TrialFit) -> Regressors:
 
 def expression_along(
     expression: str, parameters: Parameters, regressors: Regressors, port: str
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """An expression of signals as an effect at a port reads it, log by log; ``(T,)`` each.
-
-    Returns:
-        Its values at the samples, and as the next ones come.
-    """
+) -> PortSeries:
+    """An expression of signals as an effect at a port reads it."""
     law = expression_of(expression)
     values = {name: fields["value"] for name, fields in parameters.items()}
 
     def reader(signals: ObservedSignals, log: int) -> Callable[[str], Any]:
         return {**signals.paths[log], ARRIVING: signals.ports[log][port], **values}.__getitem__
 
-    current, upcoming = [], []
-    for log, path in enumerate(regressors.current.paths):
-        at_samples, at_next = values_along(
+    pairs = (
+        values_along(
             law, reader(regressors.current, log), reader(regressors.upcoming, log), path["time"]
         )
-        current.append(at_samples)
-        upcoming.append(at_next)
-    return current, upcoming
+        for log, path in enumerate(regressors.current.paths)
+    )
+    return PortSeries(*zip(*pairs, strict=True))
 
 
 class Term(NamedTuple):
@@ -119,29 +113,29 @@ class Term(NamedTuple):
         signal: an expression of signals, as a `Curve` reads it.
         times: expression of the factor of the curve; empty for none.
         parameters: those of the signal, as a `Curve` takes them.
-        signal_values: the signal log by log, ``(T,)``.
-        factor_values: the factor log by log; ``None`` for none.
-        signal_upcoming: the signal as the next sample comes.
-        factor_upcoming: the factor as the next sample comes.
+        along: the signal along the logs, ``(T,)`` each.
+        factor: the factor along the logs; ``None`` for none.
     """
 
     port: str
     signal: str
     times: str
     parameters: Parameters
-    signal_values: Sequence[np.ndarray]
-    factor_values: Sequence[np.ndarray] | None
-    signal_upcoming: Sequence[np.ndarray]
-    factor_upcoming: Sequence[np.ndarray] | None
+    along: PortSeries
+    factor: PortSeries | None
 
-    def basis(self, curve: Curve) -> PortSeries:
-        """What a unit of each coefficient of a curve adds at the port."""
-        current = [curve.basis(series) for series in self.signal_values]
-        upcoming = [curve.basis(series) for series in self.signal_upcoming]
-        if self.factor_values is not None and self.factor_upcoming is not None:
-            current = [r * f for r, f in zip(current, self.factor_values, strict=True)]
-            upcoming = [r * f for r, f in zip(upcoming, self.factor_upcoming, strict=True)]
-        return PortSeries(current, upcoming)
+    @property
+    def pooled(self) -> np.ndarray:
+        """The signal at the samples of all logs, ``(N,)``."""
+        return np.concatenate(self.along.current)
+
+    def basis(self, functions: Callable[[np.ndarray], np.ndarray]) -> PortSeries:
+        """What a unit of each of some functions of the signal, ``(T,) -> (K, T)``, adds."""
+        rows = [[functions(x) for x in part] for part in self.along]
+        if self.factor is not None:
+            pairs = zip(rows, self.factor, strict=True)
+            rows = [[r * f for r, f in zip(*pair, strict=True)] for pair in pairs]
+        return PortSeries(*rows)
 
     @property
     def is_linear(self) -> bool:
@@ -153,11 +147,9 @@ def term_along(
     regressors: Regressors, port: str, signal: str, times: str, parameters: Parameters
 ) -> Term:
     """A term with its signal and factor along the logs, at the values of its parameters."""
-    current, upcoming = expression_along(signal, parameters, regressors, port)
-    factor, factor_upcoming = (
-        expression_along(times, {}, regressors, port) if times else (None, None)
-    )
-    return Term(port, signal, times, parameters, current, factor, upcoming, factor_upcoming)
+    along = expression_along(signal, parameters, regressors, port)
+    factor = expression_along(times, {}, regressors, port) if times else None
+    return Term(port, signal, times, parameters, along, factor)
 
 
 class TermSpace(NamedTuple):
@@ -213,7 +205,7 @@ def _terms_of_signals(
         if only and signal not in only:
             continue
         term = term_along(space.regressors, port, signal, times, parameters)
-        if varies(np.concatenate(term.signal_values)):
+        if varies(term.pooled):
             yield term
 
 
@@ -240,7 +232,7 @@ def _signals(space: TermSpace, port: str, times: str) -> Iterator[tuple[str, Par
         yield f"sin({NUMBER} * {name} + {PHASE})", _wave_parameters(wave, units.get(name, ""))
     arriving = [ARRIVING] if place.state and not times else []
     for name in (*names, *arriving):
-        span = float(np.ptp(np.concatenate(expression_along(name, {}, regressors, port)[0])))
+        span = float(np.ptp(np.concatenate(expression_along(name, {}, regressors, port).current)))
         for width in (share * span for share in _PLAY_SHARES):
             if width > 0:
                 unit = unit_following(channel_of(name, fitter.model), units.get(name, ""))
