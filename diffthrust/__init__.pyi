@@ -27,14 +27,10 @@ from . import survey as survey
 from . import uncertainty as uncertainty
 from . import workbench as workbench
 from ._support.errors import InputError as InputError
-from .comparison._compare import Comparison as Comparison
 from .comparison._compare import compare as compare
 from .describing._describe import describing_function as describing_function
 from .diagnosis._diagnose import diagnose as diagnose
-from .diagnosis._result import Diagnosis as Diagnosis
 from .estimation._fit import fit as fit
-from .estimation._result import Fit as Fit
-from .estimation._status import Status as Status
 from .experiments._suggest import suggest_experiment as suggest_experiment
 from .logs._columns import Column as Column
 from .logs._log import Log as Log
@@ -42,7 +38,6 @@ from .logs._read import read_log as read_log
 from .logs._robots.read import read_robot_log as read_robot_log
 from .models._base.effect import Effect as Effect
 from .models._base.model import Model as Model
-from .models._base.parameter import Normal as Normal
 from .models._base.parameter import Parameter as Parameter
 from .models._base.parameter import parameter as parameter
 from .models._craft.craft import Craft as Craft

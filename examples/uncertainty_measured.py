@@ -20,7 +20,9 @@ from _data import output_folder, runs_of
 import diffthrust as dft
 
 
-def told(name: str, fit: dft.Fit, logs: Sequence[dft.Log], unseen: Sequence[dft.Log]) -> None:
+def told(
+    name: str, fit: dft.estimation.Fit, logs: Sequence[dft.Log], unseen: Sequence[dft.Log]
+) -> None:
     print(fit.report())
     print(dft.compare(fit, logs).noise_advice.sentence)
     post = dft.sample(fit, logs, draws=1000, warmup=1000)

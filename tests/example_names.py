@@ -63,7 +63,7 @@ def unseen() -> dft.Log:
 
 
 @cache
-def fit() -> dft.Fit:
+def fit() -> dft.estimation.Fit:
     """A thruster fitted to `log`, judged on `unseen`."""
     return dft.fit(dft.Thruster(), log(), holdout=unseen(), starts=2)
 
@@ -82,7 +82,7 @@ def lacking() -> tuple[dft.Log, dft.Log]:
 
 
 @cache
-def diag() -> dft.Diagnosis:
+def diag() -> dft.diagnosis.Diagnosis:
     """The diagnosis of a thruster on `lacking`, with two effects to choose from."""
     train, held = lacking()
     few = ["command_deadband", "thrust_sensor_offset"]

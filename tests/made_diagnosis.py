@@ -30,7 +30,7 @@ def logs() -> tuple[dft.Log, dft.Log]:
 
 
 @cache
-def found() -> dft.Diagnosis:
+def found() -> dft.diagnosis.Diagnosis:
     """A dead band found, and nothing left."""
     train, unseen = logs()
     model = dft.Thruster()
@@ -41,7 +41,7 @@ def found() -> dft.Diagnosis:
     time = train.time
     signal = 17.0 * np.clip(train.values("command", "V") / BAND, -1, 1)
     abscissa = np.linspace(-2.0, 2.0, 41)
-    return dft.Diagnosis(
+    return dft.diagnosis.Diagnosis(
         verdict="effects_found",
         model=model,
         best=fit.model.effects,
@@ -74,7 +74,7 @@ def found() -> dft.Diagnosis:
 
 
 @cache
-def diagnosis() -> dft.Diagnosis:
+def diagnosis() -> dft.diagnosis.Diagnosis:
     """A dead band found first, an actuator lag second, and something left over at the load."""
     first = found()
     train, unseen = logs()
@@ -114,7 +114,7 @@ def diagnosis() -> dft.Diagnosis:
     )
 
 
-def adequate() -> dft.Diagnosis:
+def adequate() -> dft.diagnosis.Diagnosis:
     """A model with a dead band from which nothing is missing, without an unseen log."""
     full = found()
     fit = replace(full.stages[1].fit, holdout=None)
@@ -138,7 +138,7 @@ def adequate() -> dft.Diagnosis:
     )
 
 
-def unexplained() -> dft.Diagnosis:
+def unexplained() -> dft.diagnosis.Diagnosis:
     """Nothing known helps, but structure remains."""
     full = found()
     return replace(
@@ -154,7 +154,7 @@ def unexplained() -> dft.Diagnosis:
     )
 
 
-def undecided() -> dft.Diagnosis:
+def undecided() -> dft.diagnosis.Diagnosis:
     """Whole runs are poor, and random forces explain them as well as a dead band."""
     return replace(
         unexplained(),
@@ -165,7 +165,7 @@ def undecided() -> dft.Diagnosis:
     )
 
 
-def with_fit(diag: dft.Diagnosis, stage: int = -1, **changes) -> dft.Diagnosis:
+def with_fit(diag: dft.diagnosis.Diagnosis, stage: int = -1, **changes) -> dft.diagnosis.Diagnosis:
     """The same with another fit of a stage."""
     stages = [*diag.stages]
     stages[stage] = replace(stages[stage], fit=replace(stages[stage].fit, **changes))
@@ -173,7 +173,7 @@ def with_fit(diag: dft.Diagnosis, stage: int = -1, **changes) -> dft.Diagnosis:
 
 
 def _candidate(
-    stage: int, effect: str, ratio: float, p_value: float, fit: dft.Fit | None
+    stage: int, effect: str, ratio: float, p_value: float, fit: dft.estimation.Fit | None
 ) -> TriedEffect:
     estimates = fit.parameters if fit else {}
     return TriedEffect(

@@ -12,7 +12,7 @@ import diffthrust as dft
 
 
 def made_posterior(
-    fit: dft.Fit, chains: int = 4, draws: int = 500, seed: int = 0, **attrs: Any
+    fit: dft.estimation.Fit, chains: int = 4, draws: int = 500, seed: int = 0, **attrs: Any
 ) -> Any:
     """Independent draws of the Gaussian of a fit, and of its noise level."""
     rng = np.random.default_rng(seed)

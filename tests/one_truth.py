@@ -8,12 +8,12 @@ from itertools import combinations
 import diffthrust as dft
 
 
-def contradictions(diag: dft.Diagnosis) -> list[str]:
+def contradictions(diag: dft.diagnosis.Diagnosis) -> list[str]:
     """What it is, in words; nothing where the diagnosis tells one truth."""
     return [*_of_names(diag), *_of_verdict(diag), *_of_words(diag)]
 
 
-def _of_names(diag: dft.Diagnosis) -> Iterator[str]:
+def _of_names(diag: dft.diagnosis.Diagnosis) -> Iterator[str]:
     told = {
         "added": diag.added, "detectable": diag.detectable, "possible": diag.possible,
         "untestable": diag.untestable, "silent": diag.silent,
@@ -32,7 +32,7 @@ def _of_names(diag: dft.Diagnosis) -> Iterator[str]:
         yield "an added effect is not of its own group"
 
 
-def _of_verdict(diag: dft.Diagnosis) -> Iterator[str]:
+def _of_verdict(diag: dft.diagnosis.Diagnosis) -> Iterator[str]:
     open_ends = diag.remaining is not None or bool(diag.judged.hints) or bool(diag.repeating)
     if (diag.verdict == "unexplained") != open_ends:
         yield f"verdict {diag.verdict}, and something remains: {open_ends}"
@@ -44,7 +44,7 @@ def _of_verdict(diag: dft.Diagnosis) -> Iterator[str]:
         yield "undecided, and whole runs are good"
 
 
-def _of_words(diag: dft.Diagnosis) -> Iterator[str]:
+def _of_words(diag: dft.diagnosis.Diagnosis) -> Iterator[str]:
     text = " ".join(diag.report().split())
     nothing = "What remains cannot be told from noise" in text
     if nothing and (diag.remaining is not None or diag.far):

@@ -43,7 +43,7 @@ from diffthrust.uncertainty._values import scaled as scaled
 __all__ = ["intervals_module", "profile_module", "sandwich_module"]
 
 NOISE = 0.2
-PRIORS = {"slope": dft.Normal(0.25, 0.05), "offset": dft.Normal(-0.2, 0.1)}
+PRIORS = {"slope": dft.models.Normal(0.25, 0.05), "offset": dft.models.Normal(-0.2, 0.1)}
 TRUE = {"alpha": 0.037, "beta": 42.0, "ct": 0.02}
 
 
@@ -67,7 +67,7 @@ PROFILE = Profile(
 """A profile of one's own, in volts and told in millivolts."""
 
 
-def line(known: bool = True, count: int = 40, seed: int = 0) -> tuple[dft.Fit, dft.Log]:
+def line(known: bool = True, count: int = 40, seed: int = 0) -> tuple[dft.estimation.Fit, dft.Log]:
     """A sensor along a straight line; with known noise its posterior is Gaussian."""
     rng = np.random.default_rng(seed)
     depth = np.linspace(0.0, 4.0, count)
@@ -103,7 +103,7 @@ def thruster_log(
     return dft.Log(time, {"command": command}, measured, noise=noise, name=f"run {seed}")
 
 
-def thruster_fit(**options: object) -> tuple[dft.Fit, dft.Log]:
+def thruster_fit(**options: object) -> tuple[dft.estimation.Fit, dft.Log]:
     """A fit of the thruster's own model."""
     log = thruster_log()
     return dft.fit(dft.Thruster(**TRUE), log, starts=4, substeps=1, **options), log

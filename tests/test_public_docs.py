@@ -72,7 +72,9 @@ def test_every_name_at_the_top_is_on_a_page():
     assert names == {name.partition(".")[2] for name in on_pages if name.count(".") == 1} | folders
 
 
-@pytest.mark.parametrize("cls", [dft.Fit, dft.Comparison, dft.Diagnosis])
+@pytest.mark.parametrize(
+    "cls", [dft.estimation.Fit, dft.comparison.Comparison, dft.diagnosis.Diagnosis]
+)
 def test_every_attribute_of_a_result_is_on_its_page(cls):
     page = reference.with_inherited_fields(cls, (inspect.getdoc(cls) or "").splitlines())
     listed = set(re.findall(r"^    (\w+): ", "\n".join(page), re.MULTILINE))

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from places import ROOT, docs_pages
 
-from diffthrust import Status
+from diffthrust.estimation import Status
 from diffthrust.specs import load_spec
 
 README = ROOT / "README.md"

@@ -26,13 +26,13 @@ from diffthrust.many._campaign.tables import campaign_report  # private: printed
 
 
 @cache
-def thruster() -> tuple[dft.Fit, dft.Log]:
+def thruster() -> tuple[dft.estimation.Fit, dft.Log]:
     """A dead band found in simulated logs, and the log that it was found in."""
     return made_diagnosis.found().fit, made_diagnosis.logs()[0]
 
 
 @cache
-def line() -> tuple[dft.Fit, dft.Log]:
+def line() -> tuple[dft.estimation.Fit, dft.Log]:
     """A straight line with noise."""
     depth = np.linspace(0.0, 4.0, 40)
     noise = np.random.default_rng(3).normal(0, 0.01, (2, 40))

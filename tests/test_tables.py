@@ -25,7 +25,7 @@ def line() -> dft.Log:
 
 
 @pytest.fixture(scope="module")
-def fit(line: dft.Log) -> dft.Fit:
+def fit(line: dft.Log) -> dft.estimation.Fit:
     reading = line.measured["reading"] + 0.01 * np.cos(23.0 * np.arange(20))
     unseen = dft.Log(line.time, line.inputs, {"reading": reading}, name="later")
     return dft.fit(dft.LinearSensor(), line, holdout=unseen)

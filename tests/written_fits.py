@@ -38,7 +38,7 @@ def log(seed: int = 0) -> dft.Log:
 
 
 @cache
-def fit(deadband: bool = True) -> dft.Fit:
+def fit(deadband: bool = True) -> dft.estimation.Fit:
     """The thruster behind its controller, with the dead band or without."""
     model = dft.SpeedLoopThruster()
     return dft.fit(model + CommandDeadband() if deadband else model, log(), starts=1)

@@ -178,7 +178,7 @@ def _declaration(p: Parameter) -> str:
 
 def _field(name: str, value: Any) -> str:
     if name == "prior":
-        return f"dft.Normal(mean={value['mean']!r}, std={value['std']!r})"
+        return f"dft.models.Normal(mean={value['mean']!r}, std={value['std']!r})"
     if name == "probes" and isinstance(value, dict):
         factors = ", ".join(map(repr, value["factors"]))
         return f'dft.models.relative_to("{value["signal"]}", {factors}, power={value["power"]!r})'

@@ -163,7 +163,7 @@ def _entry_code(entry: Mapping[str, Any]) -> str:
 
 def _field_code(value: Any) -> str:
     if isinstance(value, Normal):
-        return f"dft.Normal(mean={value.mean!r}, std={value.std!r})"
+        return f"dft.models.Normal(mean={value.mean!r}, std={value.std!r})"
     return as_python(value)
 
 

@@ -29,7 +29,7 @@ class Status(Enum):
     """The outcome of a fit; ``.value`` is the name used in JSON files.
 
     Example:
-        >>> fit.status is dft.Status.CONVERGED, fit.status.value
+        >>> fit.status is dft.estimation.Status.CONVERGED, fit.status.value
         (True, 'converged')
     """
 
@@ -48,7 +48,7 @@ class Status(Enum):
         """Whether the parameters and their errors can be used as they are.
 
         Example:
-            >>> dft.Status.CONVERGED.ok, dft.Status.NOT_IDENTIFIABLE.ok
+            >>> dft.estimation.Status.CONVERGED.ok, dft.estimation.Status.NOT_IDENTIFIABLE.ok
             (True, False)
         """
         return self in (Status.CONVERGED, Status.AT_BOUND)

@@ -26,7 +26,7 @@ SIGHTS = """[...Bokeh.documents[0]._all_models.values()]
 """From when to when each plot shows its log."""
 
 
-def written(path: Path, comparison: dft.Comparison) -> Path:
+def written(path: Path, comparison: dft.comparison.Comparison) -> Path:
     write_comparison_page(path, title=path.stem, spec="", comparisons={"logs": comparison})
     return path
 

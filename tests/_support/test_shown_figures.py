@@ -41,7 +41,7 @@ FigureManager = WindowManager
 
 
 @pytest.fixture(scope="module")
-def comparison() -> dft.Comparison:
+def comparison() -> dft.comparison.Comparison:
     time = np.arange(60) * 0.05
     log = dft.Log(time, {"command": np.sign(np.sin(time))}, {"speed": 10 * np.sin(time)})
     return dft.compare(dft.Thruster(), log)

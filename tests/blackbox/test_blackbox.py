@@ -11,7 +11,7 @@ from scipy.signal import cont2discrete, lfilter
 from scipy.stats import binom
 
 import diffthrust as dft
-from diffthrust import InputError, Status
+from diffthrust import InputError
 from diffthrust import blackbox as bb
 from diffthrust.blackbox._prediction_error import Shape, stretches  # private: the gradient alone
 from diffthrust.blackbox._sampled import (
@@ -25,6 +25,7 @@ from diffthrust.blackbox._simulation_error import (  # private: the gradient alo
     squared_error,
     stepped,
 )
+from diffthrust.estimation import Status
 
 A, B, C = [1.0, -1.5, 0.7], [0.0, 1.0, 0.5], [1.0, 0.5, 0.2]
 UY = {"input": "u", "output": "y"}

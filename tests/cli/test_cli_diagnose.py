@@ -13,7 +13,7 @@ from command_line import refused, run
 from reference.records import Column, Record, write_csv
 
 import diffthrust as dft
-from diffthrust import Diagnosis
+from diffthrust.diagnosis import Diagnosis
 from diffthrust.effects import CommandDeadband
 
 pytestmark = pytest.mark.usefixtures("no_cache")
@@ -55,7 +55,7 @@ def handed(monkeypatch) -> dict[str, Any]:
     """What the command hands to the diagnosis, in place of which one made by hand is returned."""
     seen: dict[str, Any] = {}
 
-    def fake(fit: dft.Fit, logs: Any, **options: Any) -> Diagnosis:
+    def fake(fit: dft.estimation.Fit, logs: Any, **options: Any) -> Diagnosis:
         seen.update(options, fit=fit, logs=logs)
         return made.found()
 

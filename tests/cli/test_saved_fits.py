@@ -82,7 +82,7 @@ def test_a_kept_fit_is_where_a_diagnosis_begins(
     monkeypatch.setattr("diffthrust.diagnosis._diagnose.diagnose", noted)
     run("diagnose", "run.fit.json", status=2)
     (fit,) = begun
-    assert isinstance(fit, dft.Fit)
+    assert isinstance(fit, dft.estimation.Fit)
     assert fit.parameters == dft.load("run.fit.json").parameters
 
 

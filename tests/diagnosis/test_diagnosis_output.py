@@ -44,7 +44,7 @@ from diffthrust.effects import EFFECTS
 
 
 @pytest.fixture(scope="module")
-def full() -> dft.Diagnosis:
+def full() -> dft.diagnosis.Diagnosis:
     return made.diagnosis()
 
 
@@ -143,7 +143,7 @@ def test_an_error_that_is_no_number_neither_falls_nor_rises(first, last, said):
 
 def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     message = "The error still falls."
-    diag = made.with_fit(full, status=dft.Status.NOT_CONVERGED, message=message)
+    diag = made.with_fit(full, status=dft.estimation.Status.NOT_CONVERGED, message=message)
     stage = "The fit of stage 2 (+ actuator lag) has the status"
     words = f"{stage} 'not_converged': The error still falls."
     answer = " ".join(diag.report().partition("Details")[0].split())
@@ -157,7 +157,7 @@ def test_a_fit_that_may_not_claim_its_numbers_is_noted(full, sketched):
     assert sum(line.startswith("Perhaps: ") for line in lines) == 2
     assert not any(line.startswith(("Found: ", "Copy: ")) for line in lines)
     assert claims.contradictions(diag, text=diag.summary) == []
-    diag = made.with_fit(full, status=dft.Status.CONVERGED, message=message)
+    diag = made.with_fit(full, status=dft.estimation.Status.CONVERGED, message=message)
     assert claims.contradictions(diag, text="\n".join(lines)) != []
 
 

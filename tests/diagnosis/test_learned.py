@@ -388,7 +388,7 @@ def test_the_caution_is_of_the_fit_that_is_copied():
     curve = Curve("load", "speed", -60.0, 60.0, shape=(3.7,) * 9)
     sizes = {"a": 2.8, "c": 25.0, "d": -0.3}
     diag = friction_as_told("rise and fall", sizes, curve, np.linspace(-60.0, 60.0, 241))
-    (law,), stuck = diag.laws, dft.Status.NOT_CONVERGED
+    (law,), stuck = diag.laws, dft.estimation.Status.NOT_CONVERGED
     of_stage = made.with_fit(diag, status=stuck)
     assert "Caution" not in of_stage.summary
     forms = tuple(replace(form, fit=replace(form.fit, status=stuck)) for form in law.forms)

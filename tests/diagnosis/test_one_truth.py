@@ -205,7 +205,7 @@ def test_a_share_is_told_of_its_channel_and_none_whose_interval_holds_zero():
     words = "that is left, and raise the squared thrust error that is left by 110 %). With it"
     assert words in harms.details
     assert contradictions(harms) == []
-    fit = replace(diag.fit, status=dft.Status.NOT_CONVERGED)
+    fit = replace(diag.fit, status=dft.estimation.Status.NOT_CONVERGED)
     vague = replace(harms, stages=(*harms.stages[:-1], replace(harms.stages[-1], fit=fit)))
     assert (
         "Left out: an actuator lag. With it the next sample is predicted better, and what it does "

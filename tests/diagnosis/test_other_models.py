@@ -168,8 +168,8 @@ def test_no_other_model_is_fitted_where_what_was_learned_reaches_the_noise(monke
 
 def test_a_rival_that_the_logs_leave_open_is_fitted_and_not_searched(monkeypatch):
     fits = {
-        "open": replace(other(), status=dft.Status.NOT_IDENTIFIABLE),
-        "fixed": replace(other(), status=dft.Status.CONVERGED),
+        "open": replace(other(), status=dft.estimation.Status.NOT_IDENTIFIABLE),
+        "fixed": replace(other(), status=dft.estimation.Status.CONVERGED),
     }
     searched = []
     stage = SimpleNamespace(fit=other(), holdout=None, train=other().train)

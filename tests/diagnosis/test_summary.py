@@ -145,7 +145,7 @@ def with_possible_effects(diag):
 
 
 def not_converged(diag):
-    return made.with_fit(diag, status=dft.Status.NOT_CONVERGED)
+    return made.with_fit(diag, status=dft.estimation.Status.NOT_CONVERGED)
 
 
 def with_grown_errors(diag):
@@ -585,9 +585,9 @@ def test_a_curve_has_a_size_where_no_parameter_of_the_model_takes_it_up(monkeypa
 @pytest.mark.parametrize(
     ("status", "unseen", "label"),
     [
-        (dft.Status.CONVERGED, 0.3, "Found"),
-        (dft.Status.NOT_CONVERGED, 0.3, "Perhaps"),
-        (dft.Status.CONVERGED, 1.1, "Perhaps"),
+        (dft.estimation.Status.CONVERGED, 0.3, "Found"),
+        (dft.estimation.Status.NOT_CONVERGED, 0.3, "Perhaps"),
+        (dft.estimation.Status.CONVERGED, 1.1, "Perhaps"),
     ],
 )
 def test_a_law_is_found_by_a_fit_that_ended_and_follows_a_channel(status, unseen, label):

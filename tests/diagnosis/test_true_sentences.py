@@ -153,7 +153,7 @@ def test_nothing_is_sought_in_logs_that_are_to_be_mended_first():
         "STARTS_DISAGREE": "its fit to these logs depends on where it starts",
         "NOT_IDENTIFIABLE": "these logs do not tell all its parameters apart",
     }.items():
-        lost = replace(diag.fit, status=dft.Status[status])
+        lost = replace(diag.fit, status=dft.estimation.Status[status])
         unended = replace(diag, stages=(replace(diag.stages[0], fit=lost),))
         said = f"The errors of the model as given say nothing: {why}."
         assert unended.details.endswith(said)

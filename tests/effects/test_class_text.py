@@ -43,7 +43,7 @@ LAWS = {
                 1.23456789,
                 "N s/m",
                 null=0.0,
-                prior=dft.Normal(1, 0.5),
+                prior=dft.models.Normal(1, 0.5),
                 probes=dft.models.relative_to("speed", 0.1, 0.2, power=-1),
                 doc='a "strength" \\ of it',
             )

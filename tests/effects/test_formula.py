@@ -179,12 +179,14 @@ def test_what_a_unit_alone_says():
 
 
 def test_parameters_are_described_in_three_ways():
-    described = dft.parameter(1.5, "", bounds=(0.5, 3), prior=dft.Normal(1.5, 0.2), doc="power")
+    described = dft.parameter(
+        1.5, "", bounds=(0.5, 3), prior=dft.models.Normal(1.5, 0.2), doc="power"
+    )
     ours = drag(p=described).declared["p"]
     fields = {"value": 1.5, "bounds": [0.5, 3], "prior": {"mean": 1.5, "std": 0.2}, "doc": "power"}
     theirs = drag(p={"unit": "", **fields}).declared["p"]
     assert ours == theirs
-    assert ours.prior == dft.Normal(1.5, 0.2)
+    assert ours.prior == dft.models.Normal(1.5, 0.2)
     tried = dft.models.relative_to("drive", 0.1, 0.3)
     assert drag(a=dft.parameter(0.0, "rad/s^2", probes=tried)).declared["a"].probes == tried
 

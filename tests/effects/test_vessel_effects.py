@@ -200,7 +200,7 @@ def fitted(effect, log, drive="propeller"):
 def test_the_reference_s_effect_is_found(name):
     hidden, how = FOUND[name]
     fit = fitted(EFFECTS[name](), log_of(**{name: hidden}, **how), how.get("drive", "propeller"))
-    assert fit.status is dft.Status.CONVERGED, fit.message
+    assert fit.status is dft.estimation.Status.CONVERGED, fit.message
     for parameter, true in hidden.items():
         found = fit.parameters[f"{name}.{parameter}"].value
         assert found == pytest.approx(true, rel=0.02), parameter
@@ -213,14 +213,14 @@ def test_the_reference_s_effect_is_found(name):
 def test_exchanged_channels_are_found_and_those_that_are_not_stay():
     log = log_of("twin", swapped_thrusters=1.0)  # half way, nothing steers: the start is at one
     fit = fitted(EFFECTS["swapped_thrusters"](), log, "twin")
-    assert fit.status is dft.Status.AT_BOUND, fit.message
+    assert fit.status is dft.estimation.Status.AT_BOUND, fit.message
     assert fit.parameters["swapped_thrusters.share"].value == pytest.approx(1.0, abs=1e-6)
     assert fit.parameters["i33"].value == pytest.approx(vessel.SIRAMDASU["i33"], rel=1e-3)
     assert not EFFECTS["swapped_thrusters"](share=0.95).consequence(fit.model)
     half = EFFECTS["swapped_thrusters"](share=0.53).consequence(fit.model)
     assert half == "the two thrusters steer with -6 % of the logged moment"
     right = fitted(EFFECTS["swapped_thrusters"](share=0.3), log_of("twin"), "twin")
-    assert right.status is dft.Status.CONVERGED, right.message
+    assert right.status is dft.estimation.Status.CONVERGED, right.message
     assert right.parameters["swapped_thrusters.share"].value == pytest.approx(0.0, abs=5e-3)
 
 
@@ -294,7 +294,7 @@ def test_a_gain_says_what_it_does_to_the_forces(gain, command, weak, share):
 def test_a_constant_wind_is_found_without_channels_for_it():
     true = {"along": 0.02, "across": 0.05, "turning": 0.01, "speed": 4.0, "direction": 2.0}
     fit = fitted(EFFECTS["wind"](speed=4.0, direction=1.0), log_of(wind=true))
-    assert fit.status is dft.Status.CONVERGED, fit.message
+    assert fit.status is dft.estimation.Status.CONVERGED, fit.message
     for parameter in ("along", "across", "turning", "direction"):
         found = fit.parameters[f"wind.{parameter}"].value
         assert found == pytest.approx(true[parameter], rel=0.02), parameter

@@ -131,7 +131,7 @@ def test_correlation_level_and_parameters_are_found():
     rng = np.random.default_rng(3)
     log = thruster_log(rng, size=4000)
     fit = dft.fit(dft.Thruster(), log, starts=4, noise_model="ar1")
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     kept = {n: e.value for n, e in fit.disturbance.items()}
     # standard errors of phi: sqrt((1 - phi^2) / n) = 0.0095 and 0.0137; four of them
     assert kept["noise.speed.lag_one"] == pytest.approx(0.8, abs=0.04)

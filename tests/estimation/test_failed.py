@@ -55,7 +55,7 @@ def without_infinities(result):
 def test_an_overflow_is_a_failed_simulation_that_says_where(case):
     model, log, where = CASES[case]
     fit = dft.fit(model, log, starts=2)
-    assert fit.status is dft.Status.SIMULATION_FAILED
+    assert fit.status is dft.estimation.Status.SIMULATION_FAILED
     for words in (log.name, "t = ", where):
         assert words in fit.message
     assert not any(doubt.kind == "silent" for doubt in fit.doubts)
@@ -147,7 +147,7 @@ def test_where_the_slope_of_a_model_of_ones_own_is_not_finite():
         "parameter 'slack' is not, at 10 of 60 samples; first at sample 21 (t = 2 s), where "
         "force = 0 N, velocity = "
     )
-    assert fit.status is dft.Status.SIMULATION_FAILED
+    assert fit.status is dft.estimation.Status.SIMULATION_FAILED
     assert words in fit.message
     assert "jnp.sqrt(jnp.maximum(x, 1e-12)), or fix 'slack'" in fit.message
     with pytest.raises(dft.InputError, match="'spring_law' cannot be diagnosed") as caught:

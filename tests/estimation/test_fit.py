@@ -36,7 +36,7 @@ def log_of(made, **changed):
 def test_recovers_the_truth_from_a_poor_guess_within_its_errors():
     log = log_of(record())
     fit = dft.fit(dft.Thruster(alpha=0.2, beta=10.0, ct=0.1), log)
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     for name, true in TRUE.items():
         estimate = fit.parameters[name]
         assert abs(estimate.value - true) < 4 * estimate.std_error
@@ -141,7 +141,7 @@ def test_where_coarse_steps_forbid_most_starts_finer_ones_begin_anew():
     """A step of 0.1 s is stable up to a rate of 28 per second, and most starts lie above."""
     fit = dft.fit(Follower(rate=200.0), followed(24.0), starts=4)
     assert fit.substeps > 1
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert fit.checks.starts_agreeing >= 2
 
 
@@ -268,7 +268,7 @@ def test_the_same_log_in_other_units_gives_the_same_fit():
 
 def test_a_redundant_parameter_is_named_and_has_no_standard_error():
     fit = dft.fit(dft.Thruster() + TwiceTheSame(), log_of(record(seed=2)))
-    assert fit.status is dft.Status.NOT_IDENTIFIABLE
+    assert fit.status is dft.estimation.Status.NOT_IDENTIFIABLE
     assert "beta" in fit.message
     assert "drive_gain.gain" in fit.message
     assert "alpha" not in fit.message
@@ -292,7 +292,7 @@ def test_a_parameter_that_the_logs_do_not_show_is_held_and_told():
 def test_bounds_are_respected_and_contact_is_told():
     low = dft.Thruster().replace(alpha={"value": 0.05, "bounds": (0.045, 0.2)})
     fit = dft.fit(low, log_of(record()))
-    assert fit.status is dft.Status.AT_BOUND
+    assert fit.status is dft.estimation.Status.AT_BOUND
     assert fit.parameters["alpha"].at_bound
     assert fit.parameters["alpha"].value == pytest.approx(0.045)
     assert fit.parameters["alpha"].std_error is None
@@ -353,7 +353,7 @@ def test_a_prior_counts_as_one_more_measurement():
     log = log_of(record(seed=9))
     free = dft.fit(dft.Thruster(), log).parameters["ct"]
     mean = free.value + 2 * free.std_error
-    prior = dft.Normal(mean=mean, std=free.std_error)
+    prior = dft.models.Normal(mean=mean, std=free.std_error)
     fit = dft.fit(dft.Thruster().replace(ct={"prior": prior}), log).parameters["ct"]
     assert fit.value - free.value == pytest.approx(free.std_error, rel=0.05)
     assert fit.std_error == pytest.approx(free.std_error / np.sqrt(2), rel=0.1)
@@ -383,7 +383,7 @@ def test_a_failed_simulation_says_so():
             return value + self.gain * s.speed**3
 
     fit = dft.fit(dft.Thruster() + Explodes(), log_of(record()), starts=2)
-    assert fit.status is dft.Status.SIMULATION_FAILED
+    assert fit.status is dft.estimation.Status.SIMULATION_FAILED
     assert fit.train.nrmse == np.inf
 
 

@@ -98,7 +98,7 @@ def test_standard_errors_of_a_short_table_allow_for_the_parameters_used_up():
 def test_as_many_unknowns_as_samples_are_not_a_result():
     log = dft.Log(time=[0.0, 1.0], inputs={"depth": [0.0, 1.0]}, measured={"reading": [1.6, 1.76]})
     fit = dft.fit(dft.LinearSensor(), log)
-    assert fit.status is dft.Status.NOT_IDENTIFIABLE
+    assert fit.status is dft.estimation.Status.NOT_IDENTIFIABLE
     assert "2 samples cannot determine 2 unknowns" in fit.message
     assert fit.parameters["slope"].std_error is None
 
@@ -147,7 +147,7 @@ class EvenGain(dft.Effect):
 def test_two_optima_of_equal_likelihood_are_told():
     model = (dft.Thruster(**TRUE) + EvenGain()).fix("ct")
     fit = dft.fit(model.replace({"even_gain.gain": {"transform": "linear"}}), log_of(record()))
-    assert fit.status is dft.Status.NOT_IDENTIFIABLE
+    assert fit.status is dft.estimation.Status.NOT_IDENTIFIABLE
     assert "even_gain.gain" in fit.message
 
 
@@ -168,7 +168,7 @@ def test_no_restart_from_a_sensor_that_an_effect_corrects():
     fit = dft.fit(dft.Thruster() + SpeedScale(), log, horizon=2.0)
     assert fit.horizon is None
     assert any("whole runs" in note for note in fit.notes)
-    assert fit.status is dft.Status.NOT_IDENTIFIABLE
+    assert fit.status is dft.estimation.Status.NOT_IDENTIFIABLE
 
 
 def test_coloured_residuals_are_told():

@@ -34,7 +34,9 @@ def test_a_guess_is_one_more_start_and_the_best_is_kept():
     found = dft.fit(Swinging(frequency=5.0), log, starts=1, guesses=[{"frequency": 3.05}, {}])
     assert found.parameters["frequency"].value == pytest.approx(3.0, rel=1e-4)
     assert found.guess == {"frequency": 5.0}
-    assert found.status is dft.Status.CONVERGED  # one start and guesses claim no agreement
+    assert (
+        found.status is dft.estimation.Status.CONVERGED
+    )  # one start and guesses claim no agreement
     assert found.checks.starts == 3
 
 

@@ -73,7 +73,7 @@ def test_a_few_first_guesses_fail_loudly_or_not_at_all(case):
 @pytest.mark.parametrize("case", list(CASES))
 def test_two_hundred_first_guesses_give_no_silent_failure(case, capsys):
     fits, excess, sure = study(case, 200)
-    told = {s.value: sum(f.status is s for f in fits) for s in dft.Status}
+    told = {s.value: sum(f.status is s for f in fits) for s in dft.estimation.Status}
     with capsys.disabled():
         print(f"\n{case}: {told}; silent failures: {int(np.sum(excess[sure] > 1e-6))}")
     assert np.all(excess[sure] <= 1e-6)

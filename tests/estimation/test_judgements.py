@@ -8,7 +8,7 @@ import pytest
 from problems import GRADIENT_LIMIT, RANK_LIMIT, Local, examine, failed_over, judge, marginal_spread
 
 import diffthrust as dft
-from diffthrust import Status
+from diffthrust.estimation import Status
 
 FINE = Local(
     gradient=1e-9,

@@ -129,7 +129,8 @@ CASES = {
     "effects": lagged,
     "prior": lambda: build(
         GUESS.replace(
-            alpha={"prior": dft.Normal(0.037, 0.001)}, beta={"prior": dft.Normal(42.0, 0.1)}
+            alpha={"prior": dft.models.Normal(0.037, 0.001)},
+            beta={"prior": dft.models.Normal(42.0, 0.1)},
         ),
         [log_of(1)],
     ),

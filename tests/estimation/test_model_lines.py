@@ -107,7 +107,7 @@ CASES = {
         short.made_log,
     ),
     "prior": (
-        dft.Thruster().replace(ct={"prior": dft.Normal(0.02, 0.001), "value": 0.021}),
+        dft.Thruster().replace(ct={"prior": dft.models.Normal(0.02, 0.001), "value": 0.021}),
         short.made_log,
     ),
 }

@@ -15,8 +15,9 @@ from reference import axis, inputs, noise, thruster
 from scipy.stats import chi2
 
 import diffthrust as dft
-from diffthrust import InputError, Log, Status
+from diffthrust import InputError, Log
 from diffthrust.effects import ActuatorLag, LinearDamping
+from diffthrust.estimation import Status
 
 GUESS = dft.Thruster(alpha=0.045, beta=38.0, ct=0.022)
 

@@ -87,7 +87,7 @@ def test_a_diagnosis_tells_that_it_does_not_begin_with_a_fit_that_failed():
     a = log(0)
     fit = short.fitted(a)
     lost = replace(fit.train, nrmse=float("nan"))
-    failed = replace(fit, status=dft.Status.SIMULATION_FAILED, train=lost)
+    failed = replace(fit, status=dft.estimation.Status.SIMULATION_FAILED, train=lost)
     diag = dft.diagnose(failed, a, candidates=["actuator_lag"], experiment=False)
     (note,) = diag.notes
     assert note.startswith("The fit that was given had failed")

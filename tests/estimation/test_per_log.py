@@ -65,7 +65,7 @@ def test_a_linear_fit_is_the_mixed_model(spread, count):
     logs = readings(rng, rng.normal(1.0, spread, count))
     fit, exact = fitted(logs), MixedModel(logs)
     offset = fit.per_log["offset"]
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert offset.width == pytest.approx(exact.width(), rel=2e-3)
     values, errors = exact.estimates(offset.width)
     found = [fit.parameters["slope"], fit.parameters["offset"], *offset.values.values()]
@@ -141,7 +141,7 @@ def test_a_value_at_a_bound_is_the_optimum_within_bounds_by_scipy():
     logs = readings(np.random.default_rng(0), [0.8, 1.0, 1.1, 1.3])
     bounded = dft.LinearSensor().replace(offset={"value": 1.0, "bounds": (None, 1.2)})
     fit = dft.fit(bounded, logs, per_log=["offset"], starts=3)
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     offset = fit.per_log["offset"]
     *others, last = offset.values.values()
     assert last.at_bound
@@ -199,7 +199,7 @@ def test_values_by_log_are_found_where_every_parameter_is_fixed():
     true = rng.normal(1.0, 0.4, 5)
     logs = readings(rng, true, samples=200)
     fit = fitted(logs, dft.LinearSensor(slope=0.2, offset=1.0).fix("slope", "offset"))
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert fit.free == ()
     offset = fit.per_log["offset"]
     assert (offset.mean.value, offset.mean.std_error) == (1.0, None)

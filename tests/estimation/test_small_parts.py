@@ -203,7 +203,7 @@ def test_runs_that_part_by_ten_thousand(monkeypatch, times, told):
         return {"speed": speed + apart}
 
     monkeypatch.setattr(status_module, "simulate_fixed", simulate_fixed)
-    status = dft.Status.NOT_CONVERGED
+    status = dft.estimation.Status.NOT_CONVERGED
     advice = unstable_advice(status, dft.Thruster(), [run], False)
     assert ("grows 1e+04 times as large" in advice) == told
     assert asked == {"speed": 3.0 + 1e-8 * 2.0, "substeps": 3}
@@ -289,14 +289,14 @@ def test_a_fit_of_whole_runs_that_fails_says_why_and_innovations_find_it():
 def test_a_small_difference_grows_as_the_closed_form_has_it():
     log = steered(count=250)
     (run,) = runs_over(Yawing(), bind(Yawing(), [log]), initial=[{"yaw_rate": 0.0}])
-    told = unstable_advice(dft.Status.NOT_CONVERGED, Yawing(), [run], False)
+    told = unstable_advice(dft.estimation.Status.NOT_CONVERGED, Yawing(), [run], False)
     grown = math.exp(GROWTH * STEP * 249)
     assert f"grows {grown:.0e} times as large" in told
-    assert unstable_advice(dft.Status.CONVERGED, Yawing(), [run], False) == ""
-    assert unstable_advice(dft.Status.NOT_CONVERGED, Yawing(), [run], True) == ""
+    assert unstable_advice(dft.estimation.Status.CONVERGED, Yawing(), [run], False) == ""
+    assert unstable_advice(dft.estimation.Status.NOT_CONVERGED, Yawing(), [run], True) == ""
 
 
 def test_a_stable_model_is_not_blamed():
     stable = Yawing(growth=-1.0)
     runs = runs_over(stable, bind(stable, [steered()]))
-    assert unstable_advice(dft.Status.NOT_CONVERGED, stable, runs, False) == ""
+    assert unstable_advice(dft.estimation.Status.NOT_CONVERGED, stable, runs, False) == ""

@@ -530,7 +530,10 @@ def test_a_planted_point_beside_the_minimum_is_not_converged():
         local = examine(problem, z, beside.quadratic)
         local = replace(local, rounding=rounding_of(problem, beside))
         assert local.rounding < 1e-8
-        assert judge(local, float(beside.quadratic.cost), 1, 1)[0] is dft.Status.NOT_CONVERGED
+        assert (
+            judge(local, float(beside.quadratic.cost), 1, 1)[0]
+            is dft.estimation.Status.NOT_CONVERGED
+        )
 
 
 class Offset(dft.Model):
@@ -560,7 +563,7 @@ def test_what_rounding_leaves_of_the_gradient_is_no_reason_to_go_on(seed):
     aside = solve(problem, stopped(problem, 300).z + 3e-5, budget=1)  # two standard errors
     steep = examine(problem, aside.z, aside.quadratic)
     steep = replace(steep, rounding=rounding_of(problem, aside))
-    assert judge(steep, float(aside.quadratic.cost), 1, 1)[0] is dft.Status.NOT_CONVERGED
+    assert judge(steep, float(aside.quadratic.cost), 1, 1)[0] is dft.estimation.Status.NOT_CONVERGED
 
 
 def made_without_load():
@@ -578,14 +581,14 @@ def made_without_load():
 def test_a_load_that_the_logs_push_to_zero_is_told():
     log = made_without_load()
     fit = dft.fit(dft.Thruster().fix("ct"), log)
-    assert fit.status is dft.Status.AT_BOUND
+    assert fit.status is dft.estimation.Status.AT_BOUND
     assert "alpha at zero" in fit.message
     assert fit.parameters["alpha"].at_bound
     assert fit.parameters["alpha"].value < 1e-10
     assert any("alpha vanished" in note and "propeller load" in note for note in fit.notes)
     for value in (fit.parameters["alpha"].value, 1e-169):  # where a later fit begins
         again = dft.fit(fit.model.replace(alpha=value), log)
-        assert again.status is dft.Status.AT_BOUND, again.message
+        assert again.status is dft.estimation.Status.AT_BOUND, again.message
         assert 1e-25 < again.parameters["alpha"].value < 1e-10
         assert again.log_likelihood == pytest.approx(fit.log_likelihood, abs=1e-6)
     assert not any(

@@ -103,7 +103,7 @@ def fits(logs):
     thrustless = dft.Thruster().fix("ct")
     lag = dft.fit(thrustless + dft.effects.ActuatorLag(), logs, starts=2)
     delay = dft.fit(thrustless + Delay(), logs, starts=2)
-    assert lag.status is delay.status is dft.Status.CONVERGED
+    assert lag.status is delay.status is dft.estimation.Status.CONVERGED
     return lag, delay
 
 
@@ -225,7 +225,7 @@ def test_the_reference_simulator_keeps_the_promise_too(fits, logs):
 def test_what_is_known_of_the_imitator_is_held_against_it(logs):
     """A prior on the parameters leaves less room to imitate; logs do the same."""
     free = dft.suggest_experiment(RIVALS, **SHORT)
-    prior = {"prior": dft.Normal(0.037, 0.0005)}
+    prior = {"prior": dft.models.Normal(0.037, 0.0005)}
     known = dft.suggest_experiment([m.replace(alpha=prior) for m in RIVALS], **SHORT)
     logged = dft.suggest_experiment(RIVALS, logs=logs, **SHORT)
     assert known.separation > 1.02 * free.separation

@@ -16,7 +16,7 @@ WIDTHS = {"stop": 1500, "full": 1900, "reverse": 1200}
 
 
 @pytest.fixture(scope="module")
-def fit(tmp_path_factory) -> dft.Fit:
+def fit(tmp_path_factory) -> dft.estimation.Fit:
     """Of pulses, revolutions per minute and kilograms of force."""
     rng = np.random.default_rng(5)
     time = 0.05 * np.arange(600)
@@ -139,9 +139,9 @@ def test_names_begin_with_that_of_the_file(fit, tmp_path):
 def test_what_cannot_be_exported_is_refused(fit):
     with pytest.raises(dft.InputError, match="nearest is 'python'"):
         fit.export("pyton")
-    loose = replace(fit, status=dft.Status.NOT_IDENTIFIABLE, message="Two go together.")
+    loose = replace(fit, status=dft.estimation.Status.NOT_IDENTIFIABLE, message="Two go together.")
     assert loose.export("c").notes == ("The fit is not_identifiable: Two go together.",)
-    failed = replace(fit, status=dft.Status.SIMULATION_FAILED, message="It diverged.")
+    failed = replace(fit, status=dft.estimation.Status.SIMULATION_FAILED, message="It diverged.")
     with pytest.raises(dft.InputError, match="It diverged"):
         failed.export("c")
     with pytest.raises(dft.InputError, match="does not read 'depth'"):

@@ -245,7 +245,7 @@ def test_what_cannot_be_pooled_is_told(frame, options, told):
 
 
 def test_a_prior_would_count_for_each_vehicle(dives):
-    model = MODEL.replace(alpha={"prior": dft.Normal(0.037, 0.01)})
+    model = MODEL.replace(alpha={"prior": dft.models.Normal(0.037, 0.01)})
     made = dft.many.fleet({f"auv{i}": replace(fit, model=model) for i, fit in enumerate(dives[1])})
     with pytest.raises(InputError, match="the fit of 'alpha' has a prior"):
         made.pool()

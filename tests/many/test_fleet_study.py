@@ -77,7 +77,7 @@ def test_a_vehicle_without_a_speed_sensor_borrows_its_scale():
     command = {"command": given.values("command", "V")}
     logs[5] = dft.Log(given.time, command, thrust, name="auv5")
     found = dft.many.fit(dft.Thruster(), logs)
-    assert found["auv5"].status is dft.Status.NOT_IDENTIFIABLE
+    assert found["auv5"].status is dft.estimation.Status.NOT_IDENTIFIABLE
     pooled = dft.many.fleet(found).pool(logs={"auv5": logs[5]})
     assert pooled.convergence.status.ok, pooled.convergence.message
     own = {n: np.log(pooled.post.posterior[n].sel(vehicle="auv5").values.ravel()) for n in MEDIAN}

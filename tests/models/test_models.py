@@ -88,7 +88,7 @@ def test_values_that_cannot_be_are_refused(given, message):
 )
 def test_a_prior_without_a_width_is_refused(mean, std):
     with pytest.raises(InputError, match="positive std"):
-        dft.Normal(mean, std)
+        dft.models.Normal(mean, std)
 
 
 def test_numpy_numbers_are_numbers():

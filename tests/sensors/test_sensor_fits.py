@@ -52,7 +52,7 @@ def recorded(truth: dft.Craft, seed: int, names: tuple[str, ...], count: int = 3
     return dft.Log(time, inputs, measured, units=units, name=f"run{seed}")
 
 
-def distances(fit: dft.Fit, truth: dft.Craft) -> dict[str, float]:
+def distances(fit: dft.estimation.Fit, truth: dft.Craft) -> dict[str, float]:
     """Errors of the free parameters in standard errors."""
     free = {n: e for n, e in fit.parameters.items() if not e.fixed}
     assert all(e.std_error for e in free.values()), fit.report()
@@ -61,7 +61,7 @@ def distances(fit: dft.Fit, truth: dft.Craft) -> dict[str, float]:
 
 
 @pytest.fixture(scope="module")
-def found() -> tuple[dft.Craft, dft.Fit, dft.Log]:
+def found() -> tuple[dft.Craft, dft.estimation.Fit, dft.Log]:
     """A boat fitted to positions, quaternions and a yaw rate; the antenna is said elsewhere."""
     truth = boat(m11=36.0, d11=18.0, **{"gps.x": 0.62, "gps.y": 0.05})
     names = ("gps.north", "gps.east", "imu.yaw_rate", "att.qw", "att.qx", "att.qy", "att.qz")
@@ -72,7 +72,7 @@ def found() -> tuple[dft.Craft, dft.Fit, dft.Log]:
 
 def test_the_place_of_an_antenna_is_recovered(found):
     truth, fit, unseen = found
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert max(distances(fit, truth).values()) < 4
     assert fit.parameters["gps.x"].std_error < 0.05
     errors = dft.compare(fit, unseen).errors.channels
@@ -84,7 +84,7 @@ def test_a_craft_is_recovered_from_velocities_at_their_places_and_a_speed_over_g
     truth = boat(m11=36.0, m22=58.0, i33=5.0, d11=18.0, d22=70.0, d33=10.0)
     names = ("dvl.surge", "dvl.sway", "gps.speed", "imu.yaw_rate", "imu.x_force")
     fit = dft.fit(boat(), [recorded(truth, seed, names) for seed in (4, 5)], starts=1)
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert max(distances(fit, truth).values()) < 4
 
 
@@ -104,7 +104,7 @@ def test_density_and_tare_of_a_gauge_are_recovered_beside_a_measured_depth():
     }
     log = dft.Log(time, command, measured, units=units)
     fit = dft.fit(model.free("bar.density", "bar.tare"), log, starts=1)
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert max(distances(fit, truth).values()) < 4
     assert "mbar" in str(fit.report())
 

@@ -263,7 +263,7 @@ def test_a_model_takes_its_command_as_the_logs_have_it():
     held = dft.Thruster().fix("beta")
     with pytest.raises(InputError, match="beta is held or has a prior, in"):
         adopted(held, [commanded("A")])
-    prior = dft.Thruster().replace(beta={"prior": dft.Normal(40.0, 1.0)})
+    prior = dft.Thruster().replace(beta={"prior": dft.models.Normal(40.0, 1.0)})
     with pytest.raises(InputError, match="beta is held or has a prior, in"):
         adopted(prior, [commanded("A")])
     assert adopted(held, [commanded("V")]) is held

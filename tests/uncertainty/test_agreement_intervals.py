@@ -121,7 +121,7 @@ def test_an_open_end_is_told():
 
 
 def test_a_posterior_that_differs_is_told_and_a_chain_that_did_not_converge():
-    prior = MODEL.replace(ct={"prior": dft.Normal(mean=0.02, std=1e-3)})
+    prior = MODEL.replace(ct={"prior": dft.models.Normal(mean=0.02, std=1e-3)})
     log = made_log(seed=3)
     fit = dft.fit(prior, log, starts=1)
     wide = drawn(fit, widen=1.5)
@@ -173,6 +173,6 @@ def test_a_fit_that_failed_and_a_level_that_is_none_are_refused():
     log = made_log(seed=1)
     fit = fitted(log)
     with pytest.raises(dft.InputError, match="intervals"):
-        intervals(replace(fit, status=dft.Status.NOT_CONVERGED), log)
+        intervals(replace(fit, status=dft.estimation.Status.NOT_CONVERGED), log)
     with pytest.raises(dft.InputError, match="level"):
         intervals(fit, log, level=95)

@@ -17,9 +17,9 @@ pytestmark = pytest.mark.slow
 
 SIMULATIONS = int(os.environ.get("DIFFTHRUST_SIMULATIONS", "300"))
 PRIORS = {
-    "alpha": dft.Normal(0.037, 0.004),
-    "beta": dft.Normal(42.0, 3.0),
-    "ct": dft.Normal(0.02, 0.002),
+    "alpha": dft.models.Normal(0.037, 0.004),
+    "beta": dft.models.Normal(42.0, 3.0),
+    "ct": dft.models.Normal(0.02, 0.002),
 }
 RANKS = 100
 """A rank is one of 0 to 99: the truth among 99 draws that are next to independent."""

@@ -185,7 +185,7 @@ def test_a_file_of_another_problem_is_refused(case, copied, tmp_path):
     for model, told in [
         (fit.model.replace(slope={"bounds": (0, 1)}), r"parameters, slope: .*within \[0, 1\]"),
         (
-            fit.model.replace(slope={"prior": dft.Normal(0.2, 0.04)}),
+            fit.model.replace(slope={"prior": dft.models.Normal(0.2, 0.04)}),
             "parameters, slope: .*std=0.04",
         ),
         (fit.model.fix("offset"), "parameters, offset: free.*fixed at"),

@@ -92,7 +92,7 @@ def test_a_student_level_is_sampled_with_the_density_of_the_law():
 
 def test_a_prior_is_a_density_in_the_value():
     log = thruster_log()
-    prior = dft.Normal(0.04, 0.002)
+    prior = dft.models.Normal(0.04, 0.002)
     plain = dft.fit(dft.Thruster(**TRUE), log, starts=4, substeps=1)
     given = dft.fit(dft.Thruster(**TRUE).replace(alpha={"prior": prior}), log, starts=4, substeps=1)
     flat, bent = posterior_of(plain, log), posterior_of(given, log)
@@ -185,7 +185,7 @@ def test_a_fit_that_did_not_converge_is_refused():
 
 def test_a_prior_that_excludes_the_fit_is_named():
     log = thruster_log(known=True)
-    given = {"bounds": (0, 0.05), "prior": dft.Normal(10.0, 1.0)}
+    given = {"bounds": (0, 0.05), "prior": dft.models.Normal(10.0, 1.0)}
     model = dft.Thruster(**TRUE).replace(alpha=given)
     fit = dft.fit(model, log, starts=4, substeps=1)
     with pytest.raises(

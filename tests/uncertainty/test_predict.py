@@ -20,12 +20,12 @@ TRUE = dft.Thruster()
 
 
 @pytest.fixture(scope="module")
-def fit() -> dft.Fit:
+def fit() -> dft.estimation.Fit:
     return dft.fit(TRUE, log(TRUE), starts=2)
 
 
 @pytest.fixture(scope="module")
-def line() -> dft.Fit:
+def line() -> dft.estimation.Fit:
     rng = np.random.default_rng(2)
     depth = np.linspace(0.0, 6.0, 25)
     reading = 0.16 * depth + 1.6 + 0.02 * rng.standard_normal(25)

@@ -256,7 +256,7 @@ def test_a_better_optimum_on_the_way_is_reported():
         noise={"reading": 1.7},
     )
     # with residuals this large a Gauss-Newton step is poor: the last digits of the fit are missing
-    poor = replace(dft.fit(Wave(number=9.0), log, starts=1), status=dft.Status.CONVERGED)
+    poor = replace(dft.fit(Wave(number=9.0), log, starts=1), status=dft.estimation.Status.CONVERGED)
     assert abs(poor.parameters["number"].value - 5.0) > 1.0
     found = profile(poor, log)
     assert found.better is not None
@@ -279,7 +279,7 @@ def test_other_logs_and_fits_that_did_not_converge_are_refused():
     with pytest.raises(dft.InputError, match="not the training logs"):
         profile(fit, line_log(seed=5))
     with pytest.raises(dft.InputError, match="not_converged"):
-        profile(replace(fit, status=dft.Status.NOT_CONVERGED), log)
+        profile(replace(fit, status=dft.estimation.Status.NOT_CONVERGED), log)
 
 
 def test_report_figure_and_plain_data():

@@ -111,7 +111,7 @@ def test_the_line_that_is_offered_makes_a_posterior():
     (line,) = re.findall(r"^fit = (.*)$", message, re.MULTILINE)
     again = eval(line, {"dft": dft, "fit": fit, "logs": log})  # as a reader would paste it
     prior = again.model.parameters["mass"].prior
-    assert prior == dft.Normal(float(f"{1.5 * best:.3g}"), float(f"{1.5 * best:.3g}"))
+    assert prior == dft.models.Normal(float(f"{1.5 * best:.3g}"), float(f"{1.5 * best:.3g}"))
     assert f"mass = {{ prior = {{ mean = {prior.mean:.3g}, std = {prior.std:.3g} }} }}" in message
     post = dft.sample(again, log, draws=1500, warmup=500)
     assert post.attrs["status"] == "converged", post.attrs["message"]

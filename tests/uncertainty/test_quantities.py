@@ -39,7 +39,7 @@ def log(model: dft.Model, seed: int = 0, samples: int = 300) -> dft.Log:
 
 
 @pytest.fixture(scope="module")
-def fit() -> dft.Fit:
+def fit() -> dft.estimation.Fit:
     return dft.fit(dft.Thruster(), log(dft.Thruster()), starts=2)
 
 
@@ -199,7 +199,7 @@ def test_draws_of_a_fit_are_those_of_its_covariance_within_bounds(fit):
 def test_parameters_without_an_error_are_held_and_named(fit):
     covariance = fit.covariance.copy()
     covariance[2, :] = covariance[:, 2] = np.nan
-    partly = replace(fit, covariance=covariance, status=dft.Status.STARTS_DISAGREE)
+    partly = replace(fit, covariance=covariance, status=dft.estimation.Status.STARTS_DISAGREE)
     found = quantities(partly, commands=[1.0], draws=5)
     assert any("'ct' has no standard error" in note for note in found.notes)
     assert any("to be doubted" in note for note in found.notes)

@@ -261,7 +261,7 @@ def test_a_parameter_at_its_bound_is_sampled_within_it(method):
     log = thruster_log()
     model = dft.Thruster(ct=0.019).replace(ct={"bounds": (0.0, 0.0199)})
     fit = dft.fit(model, log, starts=4, substeps=1)
-    assert fit.status is dft.Status.AT_BOUND
+    assert fit.status is dft.estimation.Status.AT_BOUND
     post = sample(fit, log, method=method, draws=1000, warmup=400)
     ct = post.posterior["ct"]
     assert float(ct.max()) <= 0.0199
@@ -287,7 +287,7 @@ def test_a_parameter_that_ran_to_zero_needs_a_prior():
     against = dict(made.measured, thrust=-made.measured["thrust"])
     log = dft.Log(made.time, dict(made.inputs), against)
     fit = dft.fit(dft.Thruster(), log, starts=4, substeps=1)
-    assert fit.status is dft.Status.AT_BOUND
+    assert fit.status is dft.estimation.Status.AT_BOUND
     with pytest.raises(dft.InputError, match="'ct' ran to zero"):
         sample(fit, log)
 
@@ -348,7 +348,7 @@ def test_one_chain_is_judged_by_its_halves():
 
 def test_a_prior_that_drags_the_fit_along_is_found_out():
     log = thruster_log(count=200)
-    model = dft.Thruster(**TRUE).replace(ct={"prior": dft.Normal(0.5, 1e-5)})
+    model = dft.Thruster(**TRUE).replace(ct={"prior": dft.models.Normal(0.5, 1e-5)})
     fit = dft.fit(model, log, starts=4)
     assert fit.parameters["ct"].value == pytest.approx(0.5, rel=0.01)  # as told, and wrong
     with pytest.raises(dft.InputError, match=r"'ct': its prior.*excludes what the logs say"):

@@ -93,13 +93,15 @@ def test_parameters_that_cannot_be_told_apart_have_no_error():
 
 
 def test_a_prior_counts_as_a_measurement():
-    prior = MODEL.replace(ct={"prior": dft.Normal(mean=0.02, std=1e-6)})
+    prior = MODEL.replace(ct={"prior": dft.models.Normal(mean=0.02, std=1e-6)})
     log = made_log(seed=8)
     told = sandwich(dft.fit(prior, log, starts=1), log)
     assert told.std_errors["ct"] == pytest.approx(1e-6, rel=0.01)
 
 
-@pytest.mark.parametrize("status", [dft.Status.NOT_CONVERGED, dft.Status.SIMULATION_FAILED])
+@pytest.mark.parametrize(
+    "status", [dft.estimation.Status.NOT_CONVERGED, dft.estimation.Status.SIMULATION_FAILED]
+)
 def test_a_fit_that_is_at_no_optimum_is_refused(status):
     log = made_log(seed=1)
     with pytest.raises(dft.InputError, match=f"sandwich.*{status.value}"):

@@ -25,7 +25,7 @@ class Normal:
     """A Gaussian prior on a parameter, in the parameter's own unit.
 
     Example:
-        >>> model = dft.Thruster().replace(ct={"prior": dft.Normal(mean=0.02, std=0.002)})
+        >>> model = dft.Thruster().replace(ct={"prior": dft.models.Normal(mean=0.02, std=0.002)})
         >>> model.parameters["ct"].prior
         Normal(mean=0.02, std=0.002)
     """

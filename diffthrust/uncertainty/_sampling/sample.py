@@ -271,7 +271,7 @@ def _mend(posterior: Posterior, names: list[str]) -> str:
         mean = posterior.fit.guess.get(name, value)
         std = max(abs(mean), abs(value - mean)) or problem.named[name].scale
         numbers = f"mean={mean:.3g}, std={std:.3g}"
-        priors.append(f'"{name}": {{"prior": dft.Normal({numbers})}}')
+        priors.append(f'"{name}": {{"prior": dft.models.Normal({numbers})}}')
         key = f'"{name}"' if "." in name else name
         lines.append(f"{key} = {{ prior = {{ {numbers.replace('=', ' = ')} }} }}")
     return (

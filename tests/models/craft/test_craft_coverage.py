@@ -156,7 +156,7 @@ def test_numbers_are_within_their_errors_and_intervals_hold_the_truth(case):
             if n not in held
         }
         fit = dft.fit(start.replace(guess), logs, starts=1)
-        failed += fit.status is not dft.Status.CONVERGED
+        failed += fit.status is not dft.estimation.Status.CONVERGED
         free = {n: e for n, e in fit.parameters.items() if not e.fixed}
         z = np.array([(e.value - truth[n]) / e.std_error for n, e in free.items()])
         away.append(np.abs(z).max())

@@ -28,7 +28,7 @@ def recorded(truth: dft.Craft, seed: int, count: int, *, step=0.1, hold=15, low=
     return dft.Log(time, inputs, measured, units=dict(truth.inputs), name=f"run{seed}")
 
 
-def distances(fit: dft.Fit, truth: dft.Craft) -> np.ndarray:
+def distances(fit: dft.estimation.Fit, truth: dft.Craft) -> np.ndarray:
     """Errors of the free parameters in standard errors."""
     free = {n: e for n, e in fit.parameters.items() if not e.fixed}
     assert all(e.std_error for e in free.values()), fit.report()
@@ -59,7 +59,7 @@ def test_two_thrusters_and_the_strength_of_the_weaker(twin_logs):
     truth = twin(**TWIN, **{"starboard.strength": 0.8})
     begin = twin().replace({"m11": {"value": 36.0, "fixed": True}}).free("starboard.strength")
     fit = dft.fit(begin, twin_logs, starts=2)
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert np.abs(distances(fit, truth)).max() < 4
     assert fit.parameters["starboard.strength"].std_error < 0.02
 
@@ -67,7 +67,7 @@ def test_two_thrusters_and_the_strength_of_the_weaker(twin_logs):
 @pytest.mark.thorough
 def test_without_a_force_only_ratios_to_the_thrust_are_known(twin_logs):
     fit = dft.fit(twin().free("starboard.strength"), twin_logs, starts=1)
-    assert fit.status is dft.Status.NOT_IDENTIFIABLE
+    assert fit.status is dft.estimation.Status.NOT_IDENTIFIABLE
     message = " ".join(fit.report().split())
     scaled = ("m11", "m22", "i33", "d11", "d22", "d33", "port.gain")
     sentence = message[message.index("changing") : message.index("together")]
@@ -94,7 +94,7 @@ def test_six_thrusters_in_four_degrees():
     held = {"t1.gain": {"fixed": True}, "d11": {"fixed": True}, "d22": {"fixed": True}}
     begin = craft.replace(held).fix("d33", "d66").free("t3.strength")
     fit = dft.fit(begin, logs, starts=1)
-    assert fit.status is dft.Status.CONVERGED
+    assert fit.status is dft.estimation.Status.CONVERGED
     assert np.abs(distances(fit, truth)).max() < 4
 
 
