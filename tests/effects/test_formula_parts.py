@@ -5,13 +5,13 @@ import pytest
 from expressions import expression_of
 
 import diffthrust as dft
-from diffthrust import InputError, Normal
+from diffthrust import InputError
 from diffthrust.effects import (
     Curve,
     Formula,
     finite,
 )
-from diffthrust.models import Relaxing, Signals
+from diffthrust.models import Normal, Relaxing, Signals
 
 
 def test_powers_roots_and_quotients_are_finite():

@@ -8,8 +8,8 @@ import pytest
 from components import changed, described_fields, plain_description
 
 import diffthrust as dft
-from diffthrust import InputError, Normal, Parameter, parameter
-from diffthrust.models import Ports, Signals, relative_to
+from diffthrust import InputError, Parameter, parameter
+from diffthrust.models import Normal, Ports, Signals, relative_to
 
 # What replaces a parameter.
 

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diffthrust import InputError, Normal, Parameter, parameter
+from diffthrust import InputError, Parameter, parameter
+from diffthrust.models import Normal
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,10 @@ import short_logs as short
 from exact_bits import bits
 
 import diffthrust as dft
-from diffthrust import InputError, Normal, parameter
+from diffthrust import InputError, parameter
 from diffthrust.effects import CommandDeadband, CommandSaturation, Formula
 from diffthrust.logs import PWM
+from diffthrust.models import Normal
 
 INFINITE = float("inf")
 

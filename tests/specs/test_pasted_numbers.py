@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diffthrust import InputError, Normal
+from diffthrust import InputError
+from diffthrust.models import Normal
 from diffthrust.specs import Spec, load_spec
 
 SPEC = """\
