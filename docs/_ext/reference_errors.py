@@ -17,6 +17,7 @@ TITLES = {
     "specs": "Spec files and scripts",
     "models": "Models and parameters",
     "effects": "Effects",
+    "actuators": "Actuators",
     "simulation": "Simulation",
     "estimation": "Fits",
     "uncertainty": "Intervals, posteriors, predictions",
