@@ -8,7 +8,8 @@ model: every candidate and every signal of unknown form is tried without compili
 (The whole catalogue compiled into one program, at its null, took minutes for a vessel.)
 
 The quadratic of the cost that results says what a step promises, and whether an effect is
-redundant.
+redundant. By the same information and the scores a test tells whether coordinates at zero differ
+from it by more than chance (`score_test`).
 """
 
 from __future__ import annotations

@@ -4,6 +4,8 @@ The parameters are tested log by log: do the one-step errors of a log support an
 those of all other logs? The gradient of their likelihood is projected onto what neither the shared
 parameters nor the log's own initial states explain (Neyman 1959). Its scatter over blocks of time
 gives its standard error, and the scatter of the other logs how much logs differ anyway.
+
+Beside each stands where it goes and the others do not: what a model lacks shows most there.
 """
 
 from __future__ import annotations

@@ -8,9 +8,9 @@ come from its first half, so that its second half is predicted.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain, count
 
 import numpy as np
 
@@ -146,7 +146,7 @@ def _places(context: SearchContext, channel: str) -> list[DrivingPort]:
 
 def _free_name(context: SearchContext) -> str:
     taken = {*context.fitter.candidates, *(effect.name for effect in context.given.effects)}
-    names = ("periodic_force", *(f"periodic_force_{k}" for k in itertools.count(2)))
+    names = chain(["periodic_force"], (f"periodic_force_{k}" for k in count(2)))
     return next(name for name in names if name not in taken)
 
 

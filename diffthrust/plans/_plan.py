@@ -351,13 +351,17 @@ def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float,
     )
 
 
-def settling_time(model: Model, channels: Sequence[str], inputs: Mapping[str, float]) -> float:
+def settling_time(
+    model: Model, channels: Sequence[str], inputs: Mapping[str, float], first: float = 1.0
+) -> float:
     """Time from rest until the last of some outputs is within a hundredth of its change [s].
 
     Args:
         model: at its present parameters.
         channels: outputs to look at.
         inputs: levels that they step to, in the model's units.
+        first: a guess [s], which is doubled until everything has settled; a hundredth of it is the
+            step at which outputs are looked at.
 
     Raises:
         InputError: the model does not settle within 10 000 s.
@@ -374,7 +378,7 @@ def settling_time(model: Model, channels: Sequence[str], inputs: Mapping[str, fl
         outputs = simulate(model, Log(time, rows, units=units))
         return time, *(outputs[name] for name in channels)
 
-    rested = time_to_rest(simulated, 20.0)
+    rested = time_to_rest(simulated, 20.0 * first)
     if rested is None:
         raise InputError(
             f"{model}: {', '.join(channels)} do not come to rest within {MAX_REST:g} s after a "

@@ -7,6 +7,8 @@ import pytest
 from scipy.signal import lfilter
 from steps import SETTINGS, height_at, height_over_turns, strongest_line, unexplained_line
 
+from diffthrust.diagnosis._periodic_stage import _free_name  # private: without a search
+
 LEVEL = SETTINGS.line.level
 
 
@@ -122,3 +124,12 @@ def test_a_line_that_is_sharper_over_the_turns_of_a_shaft_is_left_to_the_angle()
     ripple = 2.0 * np.sin(0.3 * angle + 1.0) + rng.standard_normal(TIME.size)
     assert unexplained_line(*search(ripple, {}, {"speed": steady})) is None
     assert unexplained_line(*search(errors, {}, {"speed": SPEED})) is None
+
+
+@pytest.mark.parametrize("number", [0, 1, 2])
+def test_a_further_force_has_a_name_that_no_other_has(number):
+    names = "periodic_force", "periodic_force_2", "periodic_force_3"
+    candidates = dict.fromkeys((*names[1:number], "wind"))
+    effects = tuple(SimpleNamespace(name=name) for name in names[: min(number, 1)])
+    fitter, model = SimpleNamespace(candidates=candidates), SimpleNamespace(effects=effects)
+    assert _free_name(SimpleNamespace(fitter=fitter, given=model)) == names[number]

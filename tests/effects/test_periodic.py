@@ -66,6 +66,18 @@ def test_where_it_begins_is_estimated_for_one_step_predictions_too():
                     start["periodic_force.cosine"] - np.sin(1.1)) < 0.1  # fmt: skip
 
 
+@pytest.mark.thorough
+def test_a_diagnosis_adds_it_at_the_frequency_of_its_line():
+    time = 0.1 * np.arange(400)
+    *train, unseen = (pushed(0.7, 20.0 + 5.0 * k, 0.4 + k, k, time) for k in range(3))
+    model = dft.Thruster().fix("ct")
+    diag = dft.diagnose(
+        model, train, holdout=unseen, candidates=["linear_damping"], experiment=False
+    )
+    assert diag.added == ("periodic_force",)
+    assert diag.fit.parameters["periodic_force.frequency"].value == pytest.approx(0.7, abs=1e-3)
+
+
 def test_it_does_nothing_at_its_null_and_says_how_large_it_is():
     time = 0.1 * np.arange(50)
     force = PeriodicForce("shaft", 0.7, 25.0, unit="rad/s^2", name="waves")

@@ -29,6 +29,10 @@ def test_the_settling_time_is_that_of_the_closed_form():
         expected = np.arctanh(0.99) / rate
         found = plans.settling_time(THRUSTER, ["speed"], {"command": command})
         assert found == pytest.approx(expected, rel=0.02)
+    fast = dft.Thruster(alpha=0.37, beta=4200.0)  # in 0.05 s, of which steps of 0.01 s see little
+    expected = np.arctanh(0.99) / np.sqrt(fast.alpha * fast.beta * 2.0)
+    found = plans.settling_time(fast, ["speed"], {"command": 2.0}, first=0.02)
+    assert found == pytest.approx(expected, rel=0.02)
     stuck = dft.AxisVehicle(drag={"value": 0.0, "transform": "linear"})
     with pytest.raises(InputError, match="do not come to rest within"):
         plans.settling_time(stuck, ["velocity"], {"thrust": 1.0})

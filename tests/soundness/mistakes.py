@@ -194,9 +194,9 @@ def sign(name: str, channel: str, sets: Sets, *others: str) -> Mistake:
     return Mistake(name, "sign", (channel, *others), scaled(channel, -1), sets)
 
 
-def swap(one: str, two: str, sets: Sets, name: str = "") -> Mistake:
-    name = name or f"{one} and {two} exchanged"
-    return Mistake(name, "exchanged", (one, two), exchanged(one, two), sets)
+def swap(first: str, second: str, sets: Sets, name: str = "") -> Mistake:
+    name = name or f"{first} and {second} exchanged"
+    return Mistake(name, "exchanged", (first, second), exchanged(first, second), sets)
 
 
 def unit(name: str, channel: str, factor: float, sets: Sets, column: str = "") -> Mistake:

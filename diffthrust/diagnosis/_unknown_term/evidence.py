@@ -8,14 +8,14 @@ without a curve is the evidence. What the estimated parameters of the model can 
 for nothing: it is projected out.
 
 The response to a fine spline basis tells the gain of any shape, without another pass through the
-logs. Closed forms are matched with it.
+logs. Closed forms are matched with it. A jump, which no spline follows, is tried by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -115,8 +115,9 @@ def tune_memory(trial: TrialFit, regressors: Regressors, likely: LikelyCurve) ->
 
 def _flat_curve(term: Term) -> Curve:
     """The curve of a term with coefficients of zero, over the range of its signal."""
-    ends, parameters = (float(term.pooled.min()), float(term.pooled.max())), dict(term.parameters)
-    return Curve(term.port, term.signal, *ends, times=term.times, **parameters)  # pyright: ignore[reportArgumentType]
+    pooled, parameters = term.pooled, dict[str, Any](term.parameters)
+    ends = float(pooled.min()), float(pooled.max())
+    return Curve(term.port, term.signal, *ends, times=term.times, **parameters)
 
 
 def largest_size(term: Term, passing: Sequence[np.ndarray]) -> float:
