@@ -200,8 +200,8 @@ def profiles_of(
                 (ParameterLine(problem, name, best), fit.parameters[name]) for name in names
             ]
             if quantities is not None:
-                for index, (name, known) in enumerate(derived(fit, quantities, units).items()):
-                    lines.append((QuantityLine(problem, name, quantities, index, best), known))
+                for index, (name, quantity) in enumerate(derived(fit, quantities, units).items()):
+                    lines.append((QuantityLine(problem, name, quantities, index, best), quantity))
             for index, (line, estimate) in enumerate(lines):
                 report(f"profile of {line.name}", index / len(lines))
                 profiles.append(_profile(line, estimate, threshold, level))

@@ -17,6 +17,7 @@ from processes import (
     ProcessNotStarted,
     Worker,
     WorkerPool,
+    as_done,
     own_worker,
 )
 
@@ -114,6 +115,21 @@ def test_a_pool_whose_processes_the_system_refuses_tells_each_task(monkeypatch):
         for future in futures:
             with pytest.raises(OSError, match="/nowhere/python"):
                 future.result(60.0)
+
+
+def test_workers_of_a_pool_begin_far_apart():
+    begun, both = [], threading.Barrier(2, timeout=60.0)
+
+    def work(task):
+        begun.append(task)
+        both.wait()
+        return 10 * task
+
+    with WorkerPool([Worker(answer), Worker(answer)]) as pool:
+        done = dict(as_done(pool, work, range(8)))
+    assert {i: future.result() for i, future in done.items()} == {i: 10 * i for i in range(8)}
+    pairs = [set(begun[i : i + 2]) for i in range(0, 8, 2)]
+    assert pairs == [{0, 4}, {1, 5}, {2, 6}, {3, 7}]
 
 
 def test_a_process_ends_with_its_owner():

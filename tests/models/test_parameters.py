@@ -64,7 +64,7 @@ WRONG = [
     ({"bounds": (0.0, "a")}, "bounds: expected a pair"),
     ({"bounds": 3}, "bounds: expected a pair"),
     ({"fixed": 1}, "fixed: expected true or false"),
-    ({"prior": 3.0}, "prior: expected a Normal or None"),
+    ({"prior": 3.0}, "prior: expected a dft.models.Normal or None"),
     ({"transform": "cubic"}, "transform: expected 'linear' or 'log'"),
     ({"size": 0.0}, "size: expected a positive finite number"),
     ({"size": math.inf}, "size: expected a positive finite number"),

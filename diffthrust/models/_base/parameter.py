@@ -153,7 +153,7 @@ class Parameter:
             ("bounds", len(ends) == 2 and all(b is None or _number(b) for b in ends),
              "a pair of numbers, None where there is no bound"),
             ("fixed", isinstance(self.fixed, bool), "true or false"),
-            ("prior", is_prior, "a Normal or None"),
+            ("prior", is_prior, "a dft.models.Normal or None"),
             ("transform", self.transform in ("linear", "log"), "'linear' or 'log'"),
             ("size", size, "a positive finite number or None"),
             ("per_log", isinstance(self.per_log, bool), "true or false"),
