@@ -1,4 +1,11 @@
-"""Data sets: owner, licence, known defects, and files found in a folder or downloaded once."""
+"""Data sets: owner, licence, known defects, and files found in a folder or downloaded once.
+
+If the environment variable ``DIFFTHRUST_DATA`` names a folder, files are taken from
+``$DIFFTHRUST_DATA/NAME/`` unchecked. Otherwise they are downloaded from the set's public
+repository, pinned to a commit, into the user's cache. Their checksum is verified at every use,
+against the one of its `DataFile`, or else against the one recorded at the first download: the first
+download of such a file is trusted, and any later change is refused.
+"""
 
 from __future__ import annotations
 

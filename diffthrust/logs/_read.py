@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
-from diffthrust._support.errors import InputError
+from diffthrust._support.errors import InputError, os_errors_as
 from diffthrust._support.visible import in_line
 from diffthrust.logs._columns import Column
 from diffthrust.logs._identity import log_file
@@ -32,9 +32,10 @@ def open_table(
             f"{path.name}: a sheet is named, expected an Excel file, found {kind.article}.",
             "leave the sheet out.",
         )
-    if kind is EXCEL:
-        return read_excel(path, wanted, sheet)
-    return _READERS[kind](path) if kind in _READERS else read_csv(path, wanted, strict)
+    with os_errors_as(f"{path}: the file cannot be opened", "check its name and permissions."):
+        if kind is EXCEL:
+            return read_excel(path, wanted, sheet)
+        return _READERS[kind](path) if kind in _READERS else read_csv(path, wanted, strict)
 
 
 def read_log(

@@ -1,7 +1,10 @@
+import errno
 import io
+import os
 import struct
 import time as clock
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -246,6 +249,17 @@ def test_files_that_are_none(tmp_path):
     ]:
         with pytest.raises(InputError, match=words):
             read(tmp_path / name)
+
+
+def test_a_file_that_its_disk_does_not_give_is_refused(tmp_path, monkeypatch):
+    path = write(tmp_path, GOOD)
+
+    def damaged(path):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(Path, "read_bytes", damaged)  # of a card with bad sectors
+    with pytest.raises(InputError, match=r"run3\.csv: the file cannot be opened \(Input/output"):
+        read(path)
 
 
 def test_parquet(tmp_path):

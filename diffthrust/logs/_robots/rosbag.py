@@ -1,4 +1,7 @@
-"""Read fields of ROS bags (ROS 2 in SQLite and MCAP, ROS 1), by topic and path."""
+"""Read fields of ROS bags (ROS 2 in SQLite and MCAP, ROS 1), by topic and path.
+
+The unpacked size of a bag's chunks is counted first, for its reader unpacks each at once.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Read large text files in blocks: one pass checks all lines, and only wanted cells are kept."""
+"""Read large text files: one pass in blocks checks all lines, then only wanted cells are kept."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from diffthrust.logs._tables.table import Cells
 from diffthrust.logs._untrusted import MemoryBudget
 
 LARGE = 2**21
-"""Files of at least this many bytes are read in blocks."""
+"""Files of at least this many bytes are read so, and never held whole."""
 _TOP = 2**20
 """Bytes at the top that hold the header, and the lines by which it is found."""
 _BLOCK = 2**23
