@@ -13,6 +13,9 @@ from diffthrust._support._running.blas import (  # private: users see the time i
     THREADS,
     one_blas_thread,
 )
+from diffthrust._support._running.cache import (  # private: users see what it saves them
+    enable_compilation_cache,
+)
 from diffthrust._support._running.digest import NoDigest, digest, environment  # private: likewise
 from diffthrust._support._running.pool import WorkerPool, as_done, own_worker  # private: likewise
 from diffthrust._support._running.process import (  # private: users see what they compute
@@ -23,7 +26,4 @@ from diffthrust._support._running.process import (  # private: users see what th
     Worker,
 )
 from diffthrust._support._running.programs import KEPT, program  # private: what is asked for
-from diffthrust._support._running.stored import (  # private: users see what it saves them
-    ProgramStore,
-    enable_compilation_cache,
-)
+from diffthrust._support._running.stored import ProgramStore  # private: as users see it

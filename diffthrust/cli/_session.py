@@ -32,7 +32,7 @@ FIGURE_TYPES = (".png", ".svg", ".pdf")
 @contextmanager
 def session() -> Iterator[Progress]:
     """Run a command with compilation cache, progress bar, and errors as one message."""
-    from diffthrust._support._running.stored import enable_compilation_cache
+    from diffthrust._support._running.cache import enable_compilation_cache
     from diffthrust._support.progress import bar
 
     try:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from diffthrust._support.errors import InputError
 from diffthrust._support.figures import showing
 from diffthrust._support.files import plain
+from diffthrust._support.names import listing
 from diffthrust._support.report import Bullets, Report, Section, Styled, closing_section
 from diffthrust._support.results import Result
 from diffthrust.comparison._agreement import Agreement, agreement, hints, outstanding
@@ -201,11 +203,26 @@ class Comparison(Result):
         return are_tables(run.record for run in self.runs)
 
     @showing
-    def plot(self) -> Figure:
-        """Measured and modelled on top, residual below, for each channel."""
+    def plot(self, runs: Sequence[str] | None = None) -> Figure:
+        """Measured and modelled on top, residual below, for each channel.
+
+        Args:
+            runs: names of the runs to show; all by default.
+
+        Raises:
+            InputError: a run that does not exist.
+        """
         from diffthrust.comparison._figures import comparison_figure
 
-        return comparison_figure(self.model, self.runs)
+        names = [run.name for run in self.runs]
+        unknown = [name for name in runs or () if name not in names]
+        if unknown:
+            raise InputError(
+                f"The comparison has no run {listing(unknown)}; it has {listing(names)}.",
+                "Correct the name.",
+            )
+        shown = self.runs if runs is None else tuple(r for r in self.runs if r.name in runs)
+        return comparison_figure(self.model, shown)
 
     @showing
     def plot_residuals(self) -> Figure:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -109,10 +109,17 @@ def uncertainty(
     *,
     amplitudes: Sequence[float] | np.ndarray,
     frequencies: Sequence[float] | np.ndarray,
+    input: str = "command",
+    output: str = "thrust",
+    method: str = "simulation",
+    harmonics: int = 15,
+    samples: int | None = None,
+    bias: float = 0.0,
+    others: Mapping[str, float] | None = None,
+    sensors: bool = False,
     draws: int = 100,
     level: float = 0.95,
     seed: int = 0,
-    **options: Any,
 ) -> DescribingBand:
     """The describing function with intervals, by draws of the parameters.
 
@@ -121,10 +128,17 @@ def uncertainty(
         model: the model or the fit that was sampled; not needed where the source is a fit.
         amplitudes: of the input, in its unit, ``(A,)``.
         frequencies: [rad/s], ``(F,)``.
+        input: as for `describing_function`, and so are all up to ``sensors``.
+        output: see there.
+        method: see there.
+        harmonics: see there.
+        samples: see there.
+        bias: see there.
+        others: see there.
+        sensors: see there.
         draws: number of draws; with 100 the ends of a 95 % interval lie at 2.5 % +- 1.6 %.
         level: probability of the intervals.
         seed: of the draws.
-        **options: arguments of `describing_function`: ``input``, ``output``, ``method``, ...
 
     Returns:
         A `DescribingBand`.
@@ -140,7 +154,10 @@ def uncertainty(
         True
     """
     drawn = draws_of(source, model, count=draws, seed=seed, level=level)
-    asked = request(drawn.model, amplitudes, frequencies, **options)
+    asked = request(
+        drawn.model, amplitudes, frequencies, input=input, output=output, method=method,
+        harmonics=harmonics, samples=samples, bias=bias, others=others, sensors=sensors,
+    )  # fmt: skip
     draws_by_name = {name: np.asarray(drawn.values[name]) for name in asked.model.parameters}
     result = values_of(asked, draws_by_name)
     values, reason = result["complex"], result["reason"]

@@ -59,14 +59,14 @@ def request(
     amplitudes: Any,
     frequencies: Any,
     *,
-    input: str = "command",
-    output: str = "thrust",
-    method: str = "simulation",
-    harmonics: Any = 15,
-    samples: Any = None,
-    bias: Any = 0.0,
-    others: Any = None,
-    sensors: bool = False,
+    input: str,
+    output: str,
+    method: str,
+    harmonics: Any,
+    samples: Any,
+    bias: Any,
+    others: Any,
+    sensors: bool,
 ) -> MapRequest:
     """The arguments of `describing_function`, checked."""
     model = model.model if isinstance(model, Fit) else model

@@ -111,9 +111,12 @@ def _precision(
     return out
 
 
-def check_numbers(duration: Any, step: Any, rest_duration: Any, seed: Any) -> None:
+def check_numbers(
+    duration: Any, step: Any, rest_duration: Any, correlation_time: Any, seed: Any
+) -> None:
+    seconds = "a positive number of seconds"
     for what, value in (("duration", duration), ("step", step)):
-        finite(what, value, lambda x: x > 0, "a positive number of seconds")
+        finite(what, value, lambda x: x > 0, seconds)
     if not (
         _number(rest_duration) and rest_duration >= 0 and duration - 2 * rest_duration >= 20 * step
     ):
@@ -122,6 +125,9 @@ def check_numbers(duration: Any, step: Any, rest_duration: Any, seed: Any) -> No
             f"a step of {step:g} s leaves fewer than 20 samples to move in.",
             "Lengthen the duration, or shorten the rest or the step.",
         )
+    if correlation_time is not None:
+        mend = "Leave it out where the noise is white."
+        finite("correlation_time", correlation_time, lambda x: x > 0, seconds, mend)
     whole_number("seed", seed, 0)
 
 

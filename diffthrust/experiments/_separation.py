@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -69,6 +70,7 @@ class Conditions:
     noise: Mapping[str, float]  # standard deviation of each measured channel
     unsigned: frozenset[str]  # channels whose sensor reports the absolute value
     substeps: int  # integrator steps per sample
+    correlation: float  # of the noise from one sample to the next
 
 
 class _Layout(NamedTuple):
@@ -83,7 +85,7 @@ class _Layout(NamedTuple):
 
 
 class Confronted(NamedTuple):
-    """A model compared with targets; r are the differences over the noise, J their derivatives."""
+    """A model compared with targets; r are the whitened differences, J their derivatives."""
 
     outputs: Float[np.ndarray, "designs channels time"]
     cost: Float[np.ndarray, " designs"]  # r' r; infinite where a simulation failed
@@ -114,6 +116,7 @@ def against(
         "scales": np.array([named[n].scale for n in rival.free]),
         "time": conditions.time,
         "sigma": np.array(list(conditions.noise.values())),
+        "correlation": np.asarray(conditions.correlation, float),
     }
     count, passes = z.shape[0], []
     for begin in range(0, count, CHUNK):
@@ -141,9 +144,8 @@ def _chunk(layout: _Layout, arrays: Any, inputs: Any, z: Any, target: Any) -> tu
         else:
             y = fn(point)
             slopes = jnp.zeros((0, *y.shape))
-        sigma = arrays["sigma"][:, None]
-        residual = ((goal - y) / sigma).reshape(-1)
-        rows = (slopes / sigma[None]).reshape(len(layout.free), residual.size)
+        residual = _white(arrays, goal - y).reshape(-1)
+        rows = jax.vmap(partial(_white, arrays))(slopes).reshape(len(layout.free), residual.size)
         return y, residual @ residual, rows @ residual, rows @ rows.T
 
     # one after the other: vmap over whole trajectories leaves the processor's cache (256 of them
@@ -159,6 +161,13 @@ def _outputs(layout: _Layout, arrays: Any, inputs: Any, z: Any) -> Any:
     modelled, _ = trajectory(model, layout.grid, arrays["time"], inputs, {}, {})
     rows = [jnp.abs(modelled[n]) if n in layout.unsigned else modelled[n] for n in layout.channels]
     return jnp.stack(rows)
+
+
+def _white(arrays: Any, series: Any) -> Any:
+    """Whiten series ``(C, T)`` with first-order noise, to unit variance."""
+    phi = arrays["correlation"]
+    later = (series[:, 1:] - phi * series[:, :-1]) / jnp.sqrt(1.0 - phi**2)
+    return jnp.concatenate([series[:, :1], later], axis=1) / arrays["sigma"][:, None]
 
 
 def outputs_of(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -46,6 +47,7 @@ def suggest_experiment(
     held: Mapping[str, float] | None = None,
     rate_limits: Mapping[str, float] | None = None,
     rest: float = 1.0,
+    correlation_time: float | None = None,
     seed: int = 0,
     progress: ProgressOption = None,
 ) -> Experiment:
@@ -73,6 +75,8 @@ def suggest_experiment(
             in ``logs``.
         rate_limits: largest change of an input per second.
         rest: time at zero (or the nearest limit) at the start and the end [s].
+        correlation_time: time after which the noise's correlation has fallen to 1/e [s], if it is
+            not white. It reduces the weight of slow differences, as process noise would.
         seed: of the random sequences; the result is the same for the same arguments.
         progress: True for a bar, or a function of a message and the share done.
 
@@ -97,7 +101,7 @@ def suggest_experiment(
     """
     runs = listed(logs) if logs is not None else ()
     models = asked.models_of(rivals)
-    asked.check_numbers(duration, step, rest, seed)
+    asked.check_numbers(duration, step, rest, correlation_time, seed)
     moved, constant = asked.moved_and_held(models, limits, held, runs)
     rates = asked.checked_rates(rate_limits, moved)
     sigma = asked.noise_levels(rivals, models, noise)
@@ -108,6 +112,7 @@ def suggest_experiment(
         noise=sigma,
         unsigned=frozenset(name for log in runs for name in log.unsigned if name in sigma),
         substeps=asked.enough_substeps(models, space, constant, sigma),
+        correlation=math.exp(-step / correlation_time) if correlation_time else 0.0,
     )
     fitted = [rival.written for rival in rivals if isinstance(rival, Fit)]
     request = Request(

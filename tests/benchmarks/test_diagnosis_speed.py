@@ -23,7 +23,7 @@ WORK = """
 import json, sys, time
 begin = time.perf_counter()
 import diffthrust as dft
-from diffthrust._support._running.stored import enable_compilation_cache  # private: as the command
+from diffthrust._support._running.cache import enable_compilation_cache  # private: as the command
 from hidden import sets
 
 enable_compilation_cache()

@@ -66,6 +66,7 @@ def test_a_channel_at_half_the_rate_of_its_log_is_drawn(n):
 def test_a_run_may_lack_a_channel():
     figure = dft.compare(dft.Thruster(), [log("a", thrust=False), log("b")]).plot()
     assert len(figure.axes) == 3 + 5
+    assert len(dft.compare(dft.Thruster(), [log("a"), log("b")]).plot(["a"]).axes) == 5
 
 
 def test_each_command_of_a_craft_of_eight_thrusters_is_drawn_and_named():

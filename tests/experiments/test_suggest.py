@@ -176,6 +176,13 @@ def test_a_model_and_its_extension_are_judged_with_the_extension_as_the_truth():
     assert test.decisive
 
 
+@pytest.mark.thorough
+def test_correlated_noise_counts_a_lasting_difference_for_less(friction):
+    change = {"duration": 40.0, "correlation_time": 1.0}
+    test = dft.suggest_experiment(RIVALS, **SHORT | change)
+    assert 0 < test.separation < 0.5 * friction.separation
+
+
 # -- the promise -----------------------------------------------------------------------------------
 
 
@@ -401,6 +408,7 @@ def test_the_figure_shows_inputs_predictions_and_differences(friction):
         ({"duration": -1.0}, "duration: expected a positive number"),
         ({"step": "fast"}, "step: expected a positive number"),
         ({"rest": 10.0}, "fewer than 20 samples to move in"),
+        ({"correlation_time": 0.0}, "correlation_time"),
         ({"seed": 0.5}, "seed: expected a whole number"),
         ({"step": 5.0, "duration": 500.0}, "time base"),
     ],

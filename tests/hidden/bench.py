@@ -98,7 +98,7 @@ def _work(task: Task) -> Row:
 
 def _start_worker() -> None:
     """A process of its own: its compiled code is shared with the others through the disk."""
-    from diffthrust._support._running.stored import enable_compilation_cache  # private: as pools do
+    from diffthrust._support._running.cache import enable_compilation_cache  # private: as pools do
 
     enable_compilation_cache()
 

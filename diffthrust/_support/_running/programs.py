@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import jax
 from jax.core import Tracer
 
+from diffthrust._support._running.cache import enable_compilation_cache
 from diffthrust._support._running.digest import NoDigest, default_device, digest, environment
-from diffthrust._support._running.stored import Jit, enable_compilation_cache, program_store
+from diffthrust._support._running.stored import Jit, program_store
 
 KEPT = 48
 """Programs; each has some hundred memory maps and one to ten megabytes."""

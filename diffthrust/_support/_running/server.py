@@ -43,7 +43,7 @@ def serve(name: str) -> None:
 
     threading.Thread(target=listen, daemon=True).start()
 
-    from diffthrust._support._running.stored import enable_compilation_cache
+    from diffthrust._support._running.cache import enable_compilation_cache
 
     enable_compilation_cache()
     module, _, function = name.partition(":")
