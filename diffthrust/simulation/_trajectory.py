@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from numbers import Number
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -90,12 +90,12 @@ def march(
     inputs: Mapping[str, Any],
     start: Mapping[str, Any],
     restart: Mapping[str, tuple[Any, Any]],
-    observe: Any = None,
+    observe: Observe | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The input series as they reach the model, and the states at the time stamps.
 
-    With ``observe``, a `Correction`, the states are corrected at each sample before they go on;
-    those returned are the ones before the correction, with the observer's own states among them.
+    With ``observe`` the states are corrected at each sample before they go on; those returned are
+    the ones before the correction, with the observer's own states among them.
     """
     series, first = driven(model, time, inputs)
     states = starting_point(model, first, start)
@@ -153,6 +153,23 @@ def measured_by(model: Model, s: Signals, values: Mapping[str, Any]) -> dict[str
     outputs = {name: jnp.broadcast_to(values[name], s["time"].shape) for name in model.outputs}
     sensor = Ports(model.effects, s.also(outputs))
     return {name: sensor(name, value) for name, value in outputs.items()}
+
+
+class Observe(Protocol):
+    """What corrects a simulation by its measurements: an observer stands in a higher layer."""
+
+    start: Mapping[str, Any]
+    """The observer's own states at the start."""
+    rows: Mapping[str, Any]
+    """What it reads at each sample, ``(T,)`` each."""
+
+    def rates(self, rates: dict[str, Any], state: Mapping[str, Any]) -> dict[str, Any]:
+        """The rates with what the observer adds, and those of its own states."""
+        ...
+
+    def correct(self, state: dict[str, Any], u: Mapping[str, Any], row: Any) -> dict[str, Any]:
+        """The states after a sample has been read."""
+        ...
 
 
 def driven(model: Model, time: Any, inputs: Mapping[str, Any]) -> tuple[dict[str, Any], Signals]:
