@@ -53,7 +53,7 @@ def add_periodic_force(
     if line is None:
         return context, state
     context.say(f"trying a periodic force of {line.frequency:.3g} Hz", state.share(0.5))
-    last, name = state.stages[-1], _free_name(context)
+    last, name = state.stages[-1], free_name(context)
     for place in _places(context, line.channel):
         force = _sized(_first_guess(context, place, line, name), last)
         if force is None:
@@ -144,7 +144,8 @@ def _places(context: SearchContext, channel: str) -> list[DrivingPort]:
     return [p for p in places if p.target == channel] or [p for p in places if p.state]
 
 
-def _free_name(context: SearchContext) -> str:
+def free_name(context: SearchContext) -> str:
+    """A name that neither a candidate nor an effect of the given model has."""
     taken = {*context.fitter.candidates, *(effect.name for effect in context.given.effects)}
     names = chain(["periodic_force"], (f"periodic_force_{k}" for k in count(2)))
     return next(name for name in names if name not in taken)

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from steps import SETTINGS, height_at, height_over_turns, strongest_line, unexplained_line
 
-from diffthrust.diagnosis._periodic_stage import _free_name  # private: without a search
+from diffthrust.diagnosis._periodic_stage import free_name  # private: without a search
 
 LEVEL = SETTINGS.line.level
 
@@ -132,4 +132,4 @@ def test_a_further_force_has_a_name_that_no_other_has(number):
     candidates = dict.fromkeys((*names[1:number], "wind"))
     effects = tuple(SimpleNamespace(name=name) for name in names[: min(number, 1)])
     fitter, model = SimpleNamespace(candidates=candidates), SimpleNamespace(effects=effects)
-    assert _free_name(SimpleNamespace(fitter=fitter, given=model)) == names[number]
+    assert free_name(SimpleNamespace(fitter=fitter, given=model)) == names[number]
