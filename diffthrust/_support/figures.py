@@ -15,8 +15,8 @@ import numpy as np
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Figure
-else:  # its name, for annotations: Matplotlib itself is loaded where a figure is made
-    Figure = type("Figure", (), {"__module__": "matplotlib.figure"})
+else:  # for annotations: Matplotlib itself is loaded where a figure is made
+    Figure = Any
 
 _P = ParamSpec("_P")
 

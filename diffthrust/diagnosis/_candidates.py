@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -48,46 +49,9 @@ def candidates_of(
             called like one of its parameters.
     """
     named, chosen = _asked_for(wanted, model)
-    measured = {name for record in records for name in record.measured}
-    inputs = set.intersection(*(set(record.inputs) for record in records))
+    scope = _Scope.of(model, records, named)
     has = {effect.name for effect in model.effects}
-    places = {*model.ports, *inputs, *model.outputs}
-    passed = {*records[0].inputs_for(model)}
-    unseen = unseen_at(model, records[0], measured)
-    prescribed = [name for name in model.states if name in records[0].inputs]
-    timeless = are_tables(records)
-
-    def why_not(effect: Effect) -> str:
-        """Why an effect that acts where these logs have something cannot be tried; "" if it can."""
-        is_named = effect.name in named
-        if lacking := [name for name in effect.needs if name not in inputs]:
-            return f"needs the channel {listing(lacking)}, which no log has"
-        # the trials of an effect read what reaches the model without it
-        if unread := [name for name in effect.needs if name not in passed]:
-            return (
-                f"reads the channel {listing(unread)}, which the model {model.name} does not take"
-            )
-        if all(p in model.outputs and p not in measured for p in effect.ports):
-            return f"the channel {listing(effect.ports)} is not measured"
-        if not is_named and (absent := _absent_signal(model, effect, inputs)):
-            return f"reads the signal {absent}, which the model does not have"
-        if timeless and _takes_time(model, effect, inputs):
-            return TAKES_TIME
-        if remembered := [p for p in effect.ports if effect.memory and p in model.states]:
-            return f"reads the past of {listing(remembered)}, by which the trials correct the model"
-        if all(p.null is None for p in effect._parameters.values()):
-            if is_named:
-                raise InputError(
-                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
-                    "at which value does it leave the model unchanged?",
-                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
-                )
-            return "no parameter of it has a null value"
-        if all(port in unseen for port in effect.ports):
-            why = f" while the logs prescribe {listing(prescribed)}" if prescribed else ""
-            return f"nothing that is measured depends on it{why}"
-        return ""
-
+    places = {*model.ports, *scope.inputs, *model.outputs}
     tried: list[Effect] = []
     untestable: dict[str, str] = {}
     for effect in chosen:
@@ -108,11 +72,71 @@ def candidates_of(
             if effect.name in named:
                 _ = model + effect  # says what is wrong
                 untestable[effect.name] = f"needs the input {listing(elsewhere)}"
-        elif why := why_not(effect):
+        elif why := scope.why_not(effect):
             untestable[effect.name] = why
         else:
             tried.append(effect)
     return tried, untestable
+
+
+@dataclass(frozen=True)
+class _Scope:
+    """What the logs and the model offer to effects, by which some of these cannot be tried."""
+
+    model: Model
+    named: Set[str]  # effects that were asked for one by one
+    inputs: Set[str]  # of all logs
+    measured: Set[str]  # in any log
+    passed: Set[str]  # inputs that the model takes
+    unseen: Set[str]  # ports on which nothing that is measured depends
+    prescribed: Sequence[str]  # states that the logs give
+    timeless: bool  # the logs are static tables
+
+    @classmethod
+    def of(cls, model: Model, records: Sequence[Record], named: Set[str]) -> Self:
+        """Of all records, training and unseen."""
+        first, measured = records[0], {name for record in records for name in record.measured}
+        return cls(
+            model,
+            named,
+            set.intersection(*(set(record.inputs) for record in records)),
+            measured,
+            {*first.inputs_for(model)},
+            unseen_at(model, first, measured),
+            [name for name in model.states if name in first.inputs],
+            are_tables(records),
+        )
+
+    def why_not(self, effect: Effect) -> str:
+        """Why an effect that acts where these logs have something cannot be tried; "" if it can."""
+        model, is_named = self.model, effect.name in self.named
+        if lacking := [name for name in effect.needs if name not in self.inputs]:
+            return f"needs the channel {listing(lacking)}, which no log has"
+        # the trials of an effect read what reaches the model without it
+        if unread := [name for name in effect.needs if name not in self.passed]:
+            return (
+                f"reads the channel {listing(unread)}, which the model {model.name} does not take"
+            )
+        if all(p in model.outputs and p not in self.measured for p in effect.ports):
+            return f"the channel {listing(effect.ports)} is not measured"
+        if not is_named and (absent := _absent_signal(model, effect, self.inputs)):
+            return f"reads the signal {absent}, which the model does not have"
+        if self.timeless and _takes_time(model, effect, self.inputs):
+            return TAKES_TIME
+        if remembered := [p for p in effect.ports if effect.memory and p in model.states]:
+            return f"reads the past of {listing(remembered)}, by which the trials correct the model"
+        if all(p.null is None for p in effect._parameters.values()):
+            if is_named:
+                raise InputError(
+                    f"candidates: the effect {effect.name!r} has no parameter with a null value: "
+                    "at which value does it leave the model unchanged?",
+                    "Give one in its declaration, such as parameter(0.3, null=0.0).",
+                )
+            return "no parameter of it has a null value"
+        if all(port in self.unseen for port in effect.ports):
+            why = f" while the logs prescribe {listing(self.prescribed)}" if self.prescribed else ""
+            return f"nothing that is measured depends on it{why}"
+        return ""
 
 
 def _takes_time(model: Model, effect: Effect, inputs: Collection[str]) -> bool:
