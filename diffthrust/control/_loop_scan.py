@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -69,70 +69,17 @@ def loop_signals(
         ``motor_command`` (after faults and the effects on it), ``wanted_thrust``, the memories of
         controller and compensator, outputs by name, and ``measured.CHANNEL``.
     """
-    sound = Plant(parts.plant.thruster, parts.plant.vehicle, signals).bind(values)
+    plant = Plant(parts.plant.thruster, parts.plant.vehicle, signals).bind(values)
     blocks = {
         name: block._bound(named(values, f"{name}."))
         for name, block in (("controller", parts.controller), ("compensator", parts.compensator))
         if block is not None
     }
     time, step = rows["time"], rows["time"][1] - rows["time"][0]
-    short, period = step / parts.substeps, step * parts.samples
-
-    def plant_at(instant: Array) -> Plant:
-        factors = factors_at(faults, instant)
-        return sound.bind({n: values[n] * f for n, f in factors.items()}) if factors else sound
-
-    first = {name: jnp.asarray(value, float) for name, value in sound.start(start).items()}
-    # states of effects have a dot in their names; those of the models begin where they are given
-    settling = [name for name in first if "." in name]
-
-    def decays(instant: Array) -> dict[str, Array]:
-        rates, _, _ = plant_at(instant).equations(first, jnp.zeros(()), instant)
-        return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
-
+    first = {name: jnp.asarray(value, float) for name, value in plant.start(start).items()}
+    loop = _Loop(parts, values, signals, faults, start, plant, blocks, step)
     jumping = any("factors" in fault for fault in faults)
-    x, weights = _turns(rows, parts, short, decays, jumping=jumping)
-
-    def body(
-        carry: dict[str, Any], x: Mapping[str, Any]
-    ) -> tuple[dict[str, Any], dict[str, Array]]:
-        state, now = carry["state"], x["time"]
-        plant = plant_at(now)
-        _, _, reported = plant.equations(state, carry["motor_command"], now)
-        noisy = {n: v + x[f"noise.{n}"] if f"noise.{n}" in x else v for n, v in reported.items()}
-        wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
-        s = Signals({**noisy, **wanted, "time": now})
-        control = _controlled(blocks, s, carry["kept"], period)
-        control = _when(x["tick"], parts.samples * parts.substeps, control, carry)
-        line = jnp.concatenate([control["output"][None], carry["line"][:-1]])
-        # a line of outputs and not an index into the past: the loop's body stays one kernel
-        command = line[parts.late]
-        # faults act on what arrives, after the dead time and before the motor controller's effects
-        taken = taken_command(faults, command, carry["taken"], now)
-        inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
-        inputs = {**inflow, **signals, "time": now, parts.path.channel: taken}
-        motor, path = parts.path(plant.thruster.effects, inputs, carry["path"], x["first"], step)
-        sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
-        sent = _when(x["mark"], parts.substeps, {**sent, "path": path}, carry)
-        # a record of the loop that is simulated again begins settled at its first command
-        if settling:
-            settled = plant.start(start, sent["motor_command"])
-            state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
-        row = {
-            **state,
-            "command": sent["command"],
-            "motor_command": sent["motor_command"],
-            "wanted_thrust": control["wanted_thrust"],
-            **{f"{b}.{n}": v for b, memory in control["kept"].items() for n, v in memory.items()},
-        }
-        held = {"motor": (sent["motor_command"],), "time": (now, now + short)}
-
-        def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array]:
-            return plant.equations(state, u["motor"], u["time"])[0]
-
-        state = advance(rates, state, held, short, x.get("weights", weights))
-        return {"state": state, **control, **sent}, row
-
+    x, weights = _turns(rows, parts, loop.short, partial(loop.decays, first), jumping=jumping)
     zero = jnp.zeros(())
     begin = {
         "state": first,
@@ -144,9 +91,88 @@ def loop_signals(
         "line": jnp.zeros((parts.late + 1,)),
         "path": parts.path.start(),
     }
-    _, path = jax.lax.scan(body, begin, x)
+    _, path = jax.lax.scan(partial(loop.turn, weights), begin, x)
     path = {name: value[:: parts.substeps] for name, value in path.items()}
-    return {**path, **_read(plant_at(time), path, rows)}
+    return {**path, **_read(loop.plant_at(time), path, rows)}
+
+
+class _Loop(NamedTuple):
+    """A loop while it runs: what stays the same from turn to turn, and what a turn does."""
+
+    parts: Parts
+    values: Mapping[str, Array]
+    signals: Mapping[str, Array]
+    faults: FaultNumbers
+    start: Mapping[str, Array]
+    plant: Plant  # without faults
+    blocks: Mapping[str, Any]  # controller and compensator
+    step: Array  # between two recorded samples [s]
+
+    @property
+    def short(self) -> Array:
+        """Step of the integrator [s]."""
+        return self.step / self.parts.substeps
+
+    def plant_at(self, instant: Array) -> Plant:
+        """The plant as faults leave it at an instant, or at many."""
+        factors = factors_at(self.faults, instant)
+        if not factors:
+            return self.plant
+        return self.plant.bind({n: self.values[n] * f for n, f in factors.items()})
+
+    def decays(self, state: Mapping[str, Array], instant: Array) -> dict[str, Array]:
+        """Rates at which relaxing states decay [1/s]."""
+        rates, _, _ = self.plant_at(instant).equations(state, jnp.zeros(()), instant)
+        return {n: jnp.asarray(k.decay) for n, k in rates.items() if isinstance(k, Relaxing)}
+
+    def turn(
+        self, weights: Mapping[str, Any], carry: dict[str, Any], x: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Array]]:
+        """One step of the integrator, and what goes on record at its start."""
+        state, now, plant = carry["state"], x["time"], self.plant_at(x["time"])
+        control, sent = self._sent(plant, carry, x)
+        # a record of the loop that is simulated again begins settled at its first command; states
+        # of effects have a dot in their names, those of the models begin where they are given
+        if settling := [name for name in state if "." in name]:
+            settled = plant.start(self.start, sent["motor_command"])
+            state = {**state, **{n: jnp.where(x["first"], settled[n], state[n]) for n in settling}}
+        row = {
+            **state,
+            "command": sent["command"],
+            "motor_command": sent["motor_command"],
+            "wanted_thrust": control["wanted_thrust"],
+            **{f"{b}.{n}": v for b, memory in control["kept"].items() for n, v in memory.items()},
+        }
+        held = {"motor": (sent["motor_command"],), "time": (now, now + self.short)}
+
+        def rates(state: Mapping[str, Array], u: Mapping[str, Array]) -> dict[str, Array]:
+            return plant.equations(state, u["motor"], u["time"])[0]
+
+        state = advance(rates, state, held, self.short, x.get("weights", weights))
+        return {"state": state, **control, **sent}, row
+
+    def _sent(
+        self, plant: Plant, carry: dict[str, Any], x: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What the blocks make of a turn's readings, and how it arrives at the motor."""
+        parts, state, now = self.parts, carry["state"], x["time"]
+        _, _, reported = plant.equations(state, carry["motor_command"], now)
+        noisy = {n: v + x[f"noise.{n}"] if f"noise.{n}" in x else v for n, v in reported.items()}
+        wanted = {n: x[n] for n in ("wanted", "wanted_rate", "wanted_acceleration")}
+        s = Signals({**noisy, **wanted, "time": now})
+        control = _controlled(self.blocks, s, carry["kept"], self.step * parts.samples)
+        control = _when(x["tick"], parts.samples * parts.substeps, control, carry)
+        line = jnp.concatenate([control["output"][None], carry["line"][:-1]])
+        # a line of outputs and not an index into the past: the loop's body stays one kernel
+        command = line[parts.late]
+        # faults act on what arrives, after the dead time and before the motor controller's effects
+        taken = taken_command(self.faults, command, carry["taken"], now)
+        inflow = {"inflow": state["velocity"]} if "velocity" in state else {}
+        inputs = {**inflow, **self.signals, "time": now, parts.path.channel: taken}
+        effects = plant.thruster.effects
+        motor, path = parts.path(effects, inputs, carry["path"], x["first"], self.step)
+        sent = {"line": line, "command": command, "taken": taken, "motor_command": motor}
+        return control, _when(x["mark"], parts.substeps, {**sent, "path": path}, carry)
 
 
 def _turns(
