@@ -3,7 +3,7 @@ from ._plan import Finding as Finding
 from ._plan import Level as Level
 from ._plan import Plan as Plan
 from ._plan import PlanCheck as PlanCheck
-from ._plan import settling_time as settling_time
+from ._settling import settling_time as settling_time
 from ._thruster import dynamic_test as dynamic_test
 from ._thruster import speed_steps as speed_steps
 from ._thruster import static_test as static_test

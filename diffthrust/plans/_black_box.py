@@ -12,7 +12,8 @@ from diffthrust._support.transfer import transfer_of
 from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models._base.model import Model
-from diffthrust.plans._plan import Plan, checked_limits, settling_time
+from diffthrust.plans._plan import Plan
+from diffthrust.plans._settling import checked_limits, settling_time
 from diffthrust.plans._thruster import check_thruster, thruster_outputs
 
 _SLOWER, _FASTER = 3.0, 2.0

@@ -1,16 +1,12 @@
-"""A test plan: inputs over time for each run, as files, and a check of recorded logs.
-
-And what its levels follow from: limits, and how long a model takes to settle.
-"""
+"""A test plan: inputs over time for each run, as files, and a check of recorded logs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +17,6 @@ from diffthrust._support.names import listing
 from diffthrust._support.report import Report, Rows, Section
 from diffthrust._support.results import Brief, Result
 from diffthrust.logs._log import Log
-from diffthrust.models._base.model import Model
-from diffthrust.simulation._runs import simulate
 
 _NEAR = 0.02
 """A level is met by a held stretch within this share of the range of the plan."""
@@ -30,11 +24,6 @@ _PARTS = 8
 """Parts of the band, evenly spaced in the logarithm of frequency."""
 _ENOUGH = 0.1
 """Share of the planned power in a part; a tenth is a third of the amplitude."""
-_LEFT = 0.01
-"""Share of the change within which a signal counts as settled."""
-_SAMPLES = 2000
-MAX_REST = 1e4
-"""Seconds beyond which a model counts as one that never settles."""
 
 
 class Level(NamedTuple):
@@ -334,80 +323,3 @@ def _power(log: Log, channel: str, unit: str, edges: np.ndarray) -> np.ndarray:
     frequency = np.fft.rfftfreq(held.size, step)
     ends = np.searchsorted(frequency, edges * (1.0 + 1e-9))
     return np.diff(total[ends])
-
-
-# -- limits, and how long a model takes to settle --------------------------------------------------
-
-
-def checked_limits(who: str, limits: Any, what: str = "command") -> tuple[float, float]:
-    """Lowest and highest value, or an `InputError`."""
-    with suppress(TypeError, ValueError):
-        low, high = (float(x) for x in limits)
-        if np.isfinite(low) and np.isfinite(high) and low < high:
-            return low, high
-    raise InputError(
-        f"{who}, limits: expected a lowest and a highest {what}, found {limits!r}.",
-        "Write limits=(0, 5), the lower one first.",
-    )
-
-
-def settling_time(
-    model: Model, channels: Sequence[str], inputs: Mapping[str, float], first: float = 1.0
-) -> float:
-    """Time from rest until the last of some outputs is within a hundredth of its change [s].
-
-    Args:
-        model: at its present parameters.
-        channels: outputs to look at.
-        inputs: levels that they step to, in the model's units.
-        first: a guess [s], which is doubled until everything has settled; a hundredth of it is the
-            step at which outputs are looked at.
-
-    Raises:
-        InputError: the model does not settle within 10 000 s.
-
-    Example:
-        >>> round(dft.plans.settling_time(dft.Thruster(), ["speed"], {"command": 2.0}), 1)
-        1.5
-    """
-    units = {name: {**model.inputs, **model.optional_inputs}[name] for name in inputs}
-
-    def simulated(span: float) -> tuple[np.ndarray, ...]:
-        time = np.linspace(0.0, span, _SAMPLES)
-        rows = {name: np.full(time.size, level) for name, level in inputs.items()}
-        outputs = simulate(model, Log(time, rows, units=units))
-        return time, *(outputs[name] for name in channels)
-
-    rested = time_to_rest(simulated, 20.0 * first)
-    if rested is None:
-        raise InputError(
-            f"{model}: {', '.join(channels)} do not come to rest within {MAX_REST:g} s after a "
-            f"step to {dict(inputs)}.",
-            "Look at the parameters, or give settle.",
-        )
-    return rested[0]
-
-
-def time_to_rest(
-    simulated: Callable[[float], tuple[np.ndarray, ...]], span: float
-) -> tuple[float, list[float]] | None:
-    """Settling time, and last value of each series that a simulation over a span gives with time.
-
-    The span is doubled until all have settled in its first half: the last value, from which the
-    distance counts, is then the steady one.
-    """
-    while span <= MAX_REST:
-        time, *series = simulated(span)
-        settling = max(_settled(time, values) for values in series)
-        if settling < 0.5 * span:
-            return settling, [float(values[-1]) for values in series]
-        span *= 2.0
-    return None
-
-
-def _settled(time: np.ndarray, values: np.ndarray) -> float:
-    """Time from which values stay within a hundredth of their change about the last value [s]."""
-    change = np.abs(values - values[-1])
-    allowed = _LEFT * max(float(np.max(np.abs(values - values[0]))), 1e-12)
-    beyond = np.flatnonzero(change > allowed)
-    return float(time[beyond[-1] + 1]) if beyond.size and beyond[-1] + 1 < time.size else 0.0

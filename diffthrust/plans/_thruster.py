@@ -16,13 +16,8 @@ from diffthrust.models import DCMotorThruster
 from diffthrust.models._base.model import Model
 from diffthrust.papers._commands import lowpass_noise, staircase
 from diffthrust.papers.aras import steady_map as aras_map
-from diffthrust.plans._plan import (
-    MAX_REST,
-    Plan,
-    checked_limits,
-    settling_time,
-    time_to_rest,
-)
+from diffthrust.plans._plan import Plan
+from diffthrust.plans._settling import MAX_REST, checked_limits, settling_time, time_to_rest
 
 _OUTPUTS = ("speed", "thrust")
 _SOURCE = "Yoerger, Cooke & Slotine 1990, section III"

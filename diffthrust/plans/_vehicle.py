@@ -12,7 +12,8 @@ from diffthrust._support.validation import finite
 from diffthrust.logs._log import Log
 from diffthrust.models import LinearSensor, Vessel
 from diffthrust.papers._commands import staircase
-from diffthrust.plans._plan import Plan, checked_limits, settling_time
+from diffthrust.plans._plan import Plan
+from diffthrust.plans._settling import checked_limits, settling_time
 
 _SPEEDS = ("surge", "sway", "yaw_rate")
 _UNITS = {"propeller_speed": "rev/s", "rudder_angle": "rad"}
